@@ -1,0 +1,112 @@
+"""From a catalogue name or a mesh file to a scene."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+from scenes import catalogue, cornell, places, procedural
+from scenes.entry import Entry, Normals
+from scenes.mesh import Mesh, read_mesh
+from scenes.normals import smooth_normals
+from scenes.scene import Camera, Floats, Scene, SceneError
+from scenes.view import automatic_camera, automatic_light
+
+
+def load(name_or_path: str, *, camera: Camera | None = None) -> Scene:
+    """The scene of a catalogue name (`forest:N` for N triangles) or of any mesh file that trimesh reads.
+
+    A relative path is looked up here, then in the folders of RAYFARM_SCENES and the user's cache. `camera`
+    takes the place of the scene's own. SceneError, one sentence that says what to do, where the scene is
+    unknown, is not here, or its file is missing, damaged or empty.
+    """
+    if name_or_path.partition(":")[0] in catalogue.ENTRIES:
+        return load_entry(catalogue.find(name_or_path), camera=camera)
+    path = _find_path(name_or_path)
+    mesh = read_mesh(path)
+    return Scene(
+        name=path.name,
+        vertices=mesh.vertices,
+        faces=mesh.faces,
+        normals=mesh.normals,
+        camera=camera or automatic_camera(mesh.vertices, mesh.faces),
+        lights=(automatic_light(mesh.vertices, mesh.faces),),
+        source=f"the file {path.name}",
+        note=mesh.note,
+    )
+
+
+def load_entry(entry: Entry, *, camera: Camera | None = None) -> Scene:
+    """The scene of a catalogue entry; see `load`."""
+    mesh = _made(entry) if entry.made else _from_file(entry)
+    if entry.boxed:
+        mesh = cornell.in_empty_box(mesh)
+    lights = entry.lights or (automatic_light(mesh.vertices, mesh.faces),)
+    return Scene(
+        name=entry.name,
+        vertices=mesh.vertices,
+        faces=mesh.faces,
+        normals=_normals(mesh, entry.normals),
+        camera=camera or entry.camera or automatic_camera(mesh.vertices, mesh.faces),
+        lights=lights,
+        source=entry.source,
+        licence=entry.licence,
+        note="; ".join(part for part in (entry.note, mesh.note) if part),
+    )
+
+
+def _find_path(text: str) -> Path:
+    if "\0" in text or not text:
+        raise SceneError("The scene's name is empty or has a NUL in it: give a catalogue name or a mesh file.")
+    path = Path(text)
+    if path.is_file():
+        return path
+    if path.is_dir():
+        raise SceneError(f"{text!r} is a folder: give one mesh file in it.")
+    found = None if path.is_absolute() else places.find_named(text)
+    if found is not None:
+        return found
+    if path.suffix or os.sep in text:
+        raise SceneError(f"There is no file {text!r} here or in the folders of {places.VARIABLE}: check the path.")
+    raise SceneError(catalogue.unknown(text))
+
+
+def _made(entry: Entry) -> Mesh:
+    if entry.made == "forest":
+        return procedural.forest(entry.triangles)
+    if entry.made == "cornell-statue":
+        return procedural.statue(entry.triangles - catalogue.BOX_TRIANGLES)
+    return cornell.original_box()
+
+
+def _from_file(entry: Entry) -> Mesh:
+    found = places.find_source(entry, verified=True)
+    if found is None:
+        raise SceneError(_not_here(entry))
+    path, file = found
+    mesh = read_mesh(path, entry.drop)
+    expected = entry.triangles - catalogue.BOX_TRIANGLES * entry.boxed
+    # A checksum says more than a count.
+    if file.sha256 is None and len(mesh.faces) != expected:
+        raise SceneError(
+            f"{path.name} has {len(mesh.faces):,} triangles, but {entry.name} has {expected:,}: delete it, then"
+            f" {entry.get}."
+        )
+    return replace(mesh, vertices=cornell.place_buddha(mesh.vertices)) if entry.boxed else mesh
+
+
+def _not_here(entry: Entry) -> str:
+    wrong = places.find_source(entry)
+    if wrong is None:
+        return f"{entry.name} is not here: {entry.get}."
+    return (
+        f"{wrong[0].name} is not the file that {entry.name} means, its checksum differs: delete it, then"
+        f" {entry.get}; or load it by its path."
+    )
+
+
+def _normals(mesh: Mesh, policy: Normals) -> Floats | None:
+    if policy == "smooth":
+        return smooth_normals(mesh.vertices, mesh.faces)
+    return mesh.normals if policy == "file" else None
