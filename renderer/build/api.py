@@ -1,0 +1,70 @@
+"""The one way to a structure: from a scene's triangles to a built tree, through the cache."""
+
+from __future__ import annotations
+
+import math
+import time
+from functools import lru_cache
+
+import numpy as np
+
+from renderer.build.bvh import BvhMethod, build_bvh
+from renderer.build.cache import Kind, cached
+from renderer.build.kd import build_kd
+from renderer.build.pad import padded
+from renderer.build.tree import Floats, SahCosts, Tree
+
+Builder = BvhMethod
+
+
+class BuildError(ValueError):
+    """A structure that cannot be built; the message is one sentence that says what to do."""
+
+
+def build(
+    scene_key: str, triangles: Floats, kind: Kind, builder: Builder = "sah", costs: SahCosts | None = None
+) -> tuple[Tree, float]:
+    """The structure over `triangles` (m, 3, 3) float32, and its build time in CPU milliseconds, compilation excluded.
+
+    `scene_key` names the triangles by content (Scene.key). A KD-tree is built over padded boxes. Raises BuildError
+    for no triangles, coordinates or costs that are not finite, negative costs, and a KD-tree by median split.
+    """
+    costs = costs or SahCosts()
+    _check(triangles, kind, builder, costs)
+    return cached(kind, scene_key, costs, builder, lambda: _timed_build(triangles, kind, builder, costs))
+
+
+def _timed_build(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts) -> tuple[Tree, float]:
+    compile_builder(kind)
+    start = time.thread_time()
+    tree = _build(triangles, kind, builder, costs)
+    return tree, (time.thread_time() - start) * 1000.0
+
+
+def _build(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts) -> Tree:
+    boxes = bounds(triangles)
+    return build_kd(padded(boxes), costs) if kind == "kd" else build_bvh(boxes, costs, builder)
+
+
+@lru_cache
+def compile_builder(kind: Kind) -> None:
+    """Builds one triangle, so that what is timed next is compiled."""
+    _build(np.eye(3, dtype=np.float32)[np.newaxis], kind, "sah", SahCosts())
+
+
+def bounds(triangles: Floats) -> Floats:
+    """The box of each triangle, (m, 2, 3) float32: lower and upper corner."""
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    return np.stack([np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)], axis=1)
+
+
+def _check(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts) -> None:
+    if kind == "kd" and builder != "sah":
+        raise BuildError(f"A KD-tree is only built with SAH; take the builder sah instead of {builder}.")
+    if len(triangles) == 0:
+        raise BuildError("There are no triangles to build over; give a scene that has some.")
+    if not np.isfinite(triangles).all():
+        raise BuildError("Some coordinates are not finite numbers; repair the mesh first.")
+    for name, cost in (("traversal", costs.traversal), ("intersection", costs.intersection)):
+        if not (math.isfinite(cost) and cost >= 0.0):
+            raise BuildError(f"The {name} cost is {cost}; give a finite number that is not negative.")

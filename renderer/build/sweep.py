@@ -1,0 +1,100 @@
+"""Where a BVH node is cut: the full SAH sweep over presorted lists, and the median."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.build.jit import jit
+
+Floats = npt.NDArray[np.float32]
+Words = npt.NDArray[np.uint32]
+
+NO_SPLIT = -1
+MEDIAN_LEAF = 4
+
+
+class Rules(NamedTuple):
+    """What a BVH build goes by, as compiled code takes it."""
+
+    use_sah: bool
+    max_depth: int
+    traversal: float
+    intersection: float
+
+
+@jit
+def sah_split(boxes: Floats, lists: Words, areas: Floats, begin: int, end: int, rules: Rules) -> tuple[int, int]:
+    """The cheapest (axis, first slot of the right child), or NO_SPLIT where a leaf costs no more.
+
+    Minimises area(left) * count(left) + area(right) * count(right) over every cut of the three sorted lists
+    (MacDonald and Booth 1990). `areas` is scratch for the right sides.
+    """
+    best, axis, cut = np.float32(np.inf), NO_SPLIT, begin
+    for candidate in range(3):
+        first = _right_areas(boxes, lists, areas, candidate, begin, end, best)
+        cost, slot = _cheapest_cut(boxes, lists, areas, candidate, begin, end, first, best)
+        if cost < best:
+            best, axis, cut = cost, candidate, slot
+    area = areas[begin]
+    if (end - begin) * rules.intersection * area <= rules.traversal * area + rules.intersection * best:
+        return NO_SPLIT, begin
+    return axis, cut
+
+
+@jit
+def _right_areas(boxes: Floats, lists: Words, areas: Floats, axis: int, begin: int, end: int, best: np.float32) -> int:
+    """Fills areas[i] with the area of [i, end) from the end down, to where that side alone costs `best` or more.
+
+    Returns the first cut whose right side costs less. areas[begin] holds the node's area once an axis ran through.
+    """
+    x0, y0, z0 = np.float32(np.inf), np.float32(np.inf), np.float32(np.inf)
+    x1, y1, z1 = np.float32(-np.inf), np.float32(-np.inf), np.float32(-np.inf)
+    for i in range(end - 1, begin - 1, -1):
+        box = lists[axis, i]
+        x0, y0, z0 = min(boxes[box, 0], x0), min(boxes[box, 1], y0), min(boxes[box, 2], z0)
+        x1, y1, z1 = max(boxes[box, 3], x1), max(boxes[box, 4], y1), max(boxes[box, 5], z1)
+        x, y, z = x1 - x0, y1 - y0, z1 - z0
+        areas[i] = x * y + z * (x + y)
+        if areas[i] * np.float32(end - i) >= best:
+            return i + 1
+    return begin + 1
+
+
+@jit
+def _cheapest_cut(
+    boxes: Floats, lists: Words, areas: Floats, axis: int, begin: int, end: int, first: int, best: np.float32
+) -> tuple[np.float32, int]:
+    """The least cost of a cut in [first, end) below `best` and the cut; sides that alone reach it are passed over."""
+    cut = begin
+    x0, y0, z0 = np.float32(np.inf), np.float32(np.inf), np.float32(np.inf)
+    x1, y1, z1 = np.float32(-np.inf), np.float32(-np.inf), np.float32(-np.inf)
+    for i in range(begin + 1, end):
+        box = lists[axis, i - 1]
+        x0, y0, z0 = min(boxes[box, 0], x0), min(boxes[box, 1], y0), min(boxes[box, 2], z0)
+        x1, y1, z1 = max(boxes[box, 3], x1), max(boxes[box, 4], y1), max(boxes[box, 5], z1)
+        if i < first:
+            continue
+        x, y, z = x1 - x0, y1 - y0, z1 - z0
+        left = (x * y + z * (x + y)) * np.float32(i - begin)
+        if left >= best:
+            break
+        cost = left + areas[i] * np.float32(end - i)
+        if cost < best:
+            best, cut = cost, i
+    return best, cut
+
+
+@jit
+def median_split(boxes: Floats, lists: Words, begin: int, end: int) -> tuple[int, int]:
+    """The middle of the list along the axis on which the centroids reach furthest."""
+    axis, widest = 0, np.float32(-1)
+    for candidate in range(3):
+        first, last = lists[candidate, begin], lists[candidate, end - 1]
+        low = boxes[first, candidate] + boxes[first, candidate + 3]
+        high = boxes[last, candidate] + boxes[last, candidate + 3]
+        if high - low > widest:
+            axis, widest = candidate, high - low
+    return axis, begin + (end - begin) // 2

@@ -1,0 +1,76 @@
+"""The two structures as the builders return them, before any traversal's node layout."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float32]
+Ints = npt.NDArray[np.int32]
+Bytes = npt.NDArray[np.uint8]
+
+MAX_BVH_LEAF = 63
+"""The most triangles a BVH leaf may hold; node layouts give the count six bits."""
+
+KD_LEAF = 3
+"""The `axis` of a KD-tree's leaf."""
+
+MAX_DEPTH = 64
+"""The deepest level a builder may reach; a restart trail holds one bit a level in two words."""
+
+
+@dataclass(frozen=True)
+class SahCosts:
+    """The costs of the surface area heuristic (paper section 3.2.1): one node visit, one triangle test."""
+
+    traversal: float = 3.0
+    intersection: float = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Bvh:
+    """A binary BVH over n nodes; node 0 is the root, siblings are adjacent.
+
+    `lower`, `upper` (n, 3) float32 boxes. `child` (n,) int32: an inner node's left child (its right child is
+    the next node) or a leaf's first slot in `order`. `count` (n,) int32: 0 for an inner node, else the leaf's
+    triangles. `axis` (n,) uint8: an inner node's split axis; the left child is the lower one along it.
+    `parent` (n,) int32, -1 for the root. `order` (m,) int32: slot -> triangle of the scene. `depth`: edges on the
+    longest path from the root. `cost`: the SAH cost, sum over nodes of area / root area times the node's cost.
+    """
+
+    lower: Floats
+    upper: Floats
+    child: Ints
+    count: Ints
+    axis: Bytes
+    parent: Ints
+    order: Ints
+    depth: int
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class Kd:
+    """A KD-tree over n nodes; node 0 is the root, siblings are adjacent.
+
+    `lower`, `upper` (n, 3) float32 cells. `split` (n,) float32 plane of an inner node. `axis` (n,) uint8: its axis,
+    3 for a leaf. `child` (n,) int32: left child (the right child is the next node) or a leaf's first entry in
+    `refs`. `count` (n,) int32: a leaf's entries (0 for an empty leaf), 0 for an inner node. `parent` (n,) int32, -1
+    for the root. `refs` (r,) int32 triangles of the scene. `depth` and `cost` as in `Bvh`.
+    """
+
+    lower: Floats
+    upper: Floats
+    split: Floats
+    axis: Bytes
+    child: Ints
+    count: Ints
+    parent: Ints
+    refs: Ints
+    depth: int
+    cost: float
+
+
+Tree = Bvh | Kd
