@@ -1,0 +1,155 @@
+"""The axes of a variant, their values, and the one function that says which combinations are refused and why."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Literal
+
+Structure = Literal["none", "bvh", "kd"]
+
+
+class VariantError(ValueError):
+    """A value or a combination that does not exist; the message is one sentence that says what to do."""
+
+
+@dataclass(frozen=True)
+class Traversal:
+    """One row of the traversal table: the structure it walks, its node layout in `renderer.pack`, its source.
+
+    The GLSL file is `shaders/traversal_NAME.glsl` with `_` for `-`.
+    """
+
+    structure: Structure
+    nodes: str
+    source: str
+    paper: bool = False
+
+
+TRAVERSALS: dict[str, Traversal] = {
+    "brute-force": Traversal("none", "none", "every triangle against every ray"),
+    "bvh-stack": Traversal("bvh", "box", "one node a visit, while-while (Aila and Laine 2009)"),
+    "bvh-parent-link": Traversal("bvh", "box-parent", "Hapala et al. 2011", paper=True),
+    "bvh-restart-trail": Traversal("bvh", "box", "Laine 2010", paper=True),
+    "kd-push-down": Traversal("kd", "plane", "Horn et al. 2007", paper=True),
+    "kd-backtrack": Traversal("kd", "plane-box", "Foley and Sugerman 2005", paper=True),
+}
+
+AXES: dict[str, tuple[str, ...]] = {
+    "traversal": tuple(TRAVERSALS),
+    "method": ("fragment", "compute", "hybrid"),
+    "layout": ("normal", "compact", "split"),
+    "intersector": ("moller-trumbore",),
+    "box": ("widened", "williams"),
+    "nodes": ("f32",),
+    "precision": ("highp",),
+    "offset": ("constant",),
+    "builder": ("sah", "median"),
+}
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One value on each axis (DESIGN.md, Vocabulary)."""
+
+    traversal: str = "bvh-stack"
+    method: str = "fragment"
+    layout: str = "normal"
+    intersector: str = "moller-trumbore"
+    box: str = "widened"
+    nodes: str = "f32"
+    precision: str = "highp"
+    offset: str = "constant"
+    builder: str = "sah"
+
+    @property
+    def structure(self) -> Structure:
+        """The kind of structure that the traversal walks."""
+        return TRAVERSALS[self.traversal].structure
+
+    @property
+    def label(self) -> str:
+        """The values that differ from the defaults, traversal and method and layout always."""
+        parts = [self.traversal, self.method, self.layout]
+        default = Variant()
+        for field in fields(self)[3:]:
+            value = getattr(self, field.name)
+            if value != getattr(default, field.name):
+                parts.append(value)
+        return " ".join(parts)
+
+    def as_dict(self) -> dict[str, str]:
+        """Axis name to value."""
+        return asdict(self)
+
+
+def require_value(axis: str, value: str) -> str:
+    """Return `value` if the axis has it; raise VariantError naming the values that exist otherwise."""
+    if value not in AXES[axis]:
+        raise VariantError(f"Unknown {axis} {value!r}: choose one of {', '.join(AXES[axis])}.")
+    return value
+
+
+def refusal(variant: Variant, rays: str = "both") -> str | None:
+    """Say in one sentence why a combination of existing values is not offered; None if it is.
+
+    `rays` is what is to be timed: `primary`, `shadow` or `both`.
+    """
+    for axis, value in variant.as_dict().items():
+        require_value(axis, value)
+    structure = variant.structure
+    if variant.method == "hybrid" and rays == "primary":
+        return "hybrid rasterises what the eye sees and casts no primary rays: time shadow or both."
+    if structure == "kd" and variant.builder == "median":
+        return "median is a BVH builder: a KD-tree is built with sah."
+    if structure == "none" and variant.builder != "sah":
+        return "brute-force has no structure to build: leave the builder at sah."
+    if structure == "none" and variant.box != "widened":
+        return "brute-force tests no boxes: leave the box test at widened."
+    return None
+
+
+def expand(axis: str, words: str) -> tuple[str, ...]:
+    """Turn a comma list, `all` or (for traversals) `paper` into values of an axis, the latter two in table order."""
+    chosen: list[str] = []
+    for word in (part.strip() for part in words.split(",")):
+        if word == "all":
+            chosen += AXES[axis]
+        elif word == "paper" and axis == "traversal":
+            chosen += [name for name, row in TRAVERSALS.items() if row.paper]
+        elif word == "paper" and axis in ("method", "layout"):
+            chosen += AXES[axis]
+        else:
+            chosen.append(require_value(axis, word))
+    return tuple(dict.fromkeys(chosen))
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A combination left out of a matrix, with the reason."""
+
+    variant: Variant
+    reason: str
+
+
+def matrix(axes: Mapping[str, Sequence[str]], rays: str = "both") -> tuple[list[Variant], list[Refused]]:
+    """Every combination of the given axis values, the valid ones and the refused ones apart.
+
+    Axes that are not named keep their default. A default that a structure cannot have is no reason to refuse.
+    """
+    valid: list[Variant] = []
+    refused: list[Refused] = []
+    for variant in _combinations(axes):
+        reason = refusal(variant, rays)
+        if reason is None:
+            valid.append(variant)
+        else:
+            refused.append(Refused(variant, reason))
+    return valid, refused
+
+
+def _combinations(axes: Mapping[str, Sequence[str]]) -> Iterator[Variant]:
+    names = list(axes)
+    for values in itertools.product(*axes.values()):
+        yield replace(Variant(), **dict(zip(names, values, strict=True)))
