@@ -1,0 +1,145 @@
+"""Jobs from slices: runs each slice in a child process and combines a job's measurements into its result."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from renderer.interval import median, median_interval
+from renderer.request import Request
+
+Result = dict[str, Any]
+
+_ERRORS = (
+    "false_hit", "false_miss", "edge", "wrong_primitive", "t_rel_p99", "t_rel_max", "t_ulp_max", "shadow_mismatch",
+    "shadow_edge", "raster_mismatch", "flip",
+)  # fmt: skip
+
+
+class SliceError(RuntimeError):
+    """A slice that gave no measurement; the message is one sentence."""
+
+
+def run_slice(request: Request, round_index: int, timeout_s: float = 900.0) -> dict[str, Any]:
+    """Run one slice in a fresh child process and return its measurement.
+
+    The child ends with this process. Raise SliceError with its reason when it fails or outlasts `timeout_s` seconds.
+    """
+    task = {"request": request.to_json(), "round": round_index, "parent": os.getpid()}
+    environment = os.environ | {"LP_NUM_THREADS": str(request.threads), "PYTHONUNBUFFERED": "1"}
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "renderer.slice"],
+            input=json.dumps(task),
+            capture_output=True,
+            text=True,
+            timeout=timeout_s,
+            env=environment,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise SliceError(f"The slice was ended after {timeout_s:.0f} s, its time limit.") from error
+    answer = _last_json(done.stdout)
+    if done.returncode != 0 or answer is None:
+        last = (done.stderr.strip().splitlines() or ["nothing on standard error"])[-1]
+        raise SliceError(f"The slice ended with code {done.returncode}: {last}")
+    if set(answer) == {"error"}:
+        raise SliceError(answer["error"])
+    return answer
+
+
+def run_jobs(requests: Sequence[Request], progress: Callable[[Request, int], None]) -> list[Result | SliceError]:
+    """Run jobs here, interleaved in rounds, and return each one's result or the error that ended it."""
+    measured: list[list[dict[str, Any]]] = [[] for _ in requests]
+    failed: dict[int, SliceError] = {}
+    for round_index in range(max((request.rounds for request in requests), default=0)):
+        for i, request in enumerate(requests):
+            if round_index >= request.rounds or i in failed:
+                continue
+            progress(request, round_index)
+            try:
+                measured[i].append(run_slice(request, round_index))
+            except SliceError as error:
+                failed[i] = error
+    return [failed.get(i) or combine(request, measured[i]) for i, request in enumerate(requests)]
+
+
+def combine(request: Request, measurements: list[dict[str, Any]]) -> Result:
+    """The result of a job, in the form that DESIGN.md gives, from the measurements of all its rounds."""
+    first = min(measurements, key=lambda measurement: int(measurement["round"]))
+    wall = [time for measurement in measurements for time in measurement["frames"]["wall"]]
+    cpu = [time for measurement in measurements for time in measurement["frames"]["cpu"]]
+    embree = [time for measurement in measurements for time in measurement["embree_cpu"]]
+    timed = _rays_timed(request, first["rays"])
+    frame = median(wall)
+    interval = median_interval(wall)
+    return {
+        "scene": request.scene,
+        "family": None,
+        "triangles": first["triangles"],
+        "device": first["device"],
+        **request.variant.as_dict(),
+        "sah": {
+            "traversal": request.costs.traversal,
+            "intersection": request.costs.intersection,
+            "cost": first["cost"],
+        },
+        "depth": first["depth"],
+        "size": list(request.size),
+        "rays_kind": request.rays,
+        "frames": len(wall),
+        "frame_ms": {
+            "median": frame * 1e3,
+            "ci_low": None if interval is None else interval[0] * 1e3,
+            "ci_high": None if interval is None else interval[1] * 1e3,
+        },
+        "frames_ms": [time * 1e3 for time in wall],
+        "fps": 1 / frame,
+        "mrays_per_s": timed / frame / 1e6,
+        "mrays_per_cpu_s": timed / median(cpu) / 1e6,
+        "rays_timed": timed,
+        "rays": first["rays"],
+        "structure_bytes": first["structure_bytes"],
+        "primitive_bytes": first["primitive_bytes"],
+        "build_ms": first["build_ms"],
+        "compile_ms": first["compile_s"] * 1e3,
+        "per_ray": _per_ray(first["per_ray"]),
+        "overflows": 0,
+        "error": {name: first["error"][name] for name in _ERRORS} | {"counts": first["error"]["counts"]},
+        "vs_embree": _versus(timed, cpu, embree),
+        "specialised": first["specialised"] if request.specialise else None,
+        "load_average": max(measurement["load_average"] for measurement in measurements),
+        "versions": first["versions"],
+        "started_at": first["started_at"],
+    }
+
+
+def _rays_timed(request: Request, rays: dict[str, int]) -> int:
+    primary = 0 if request.rays == "shadow" or request.variant.method == "hybrid" else rays["primary"]
+    return primary + (0 if request.rays == "primary" else rays["shadow"])
+
+
+def _per_ray(counts: dict[str, float] | None) -> dict[str, float | None]:
+    names = ("nodes", "inner", "leaves", "triangles", "bytes", "lines")
+    return {name: None if counts is None else counts.get(name) for name in names}
+
+
+def _versus(timed: int, cpu: list[float], embree: list[float]) -> dict[str, float | None]:
+    """Embree over the same rays, frame against frame next to it."""
+    if not embree or timed == 0:
+        return {"mrays_per_cpu_s": None, "ratio": None}
+    ratios = [theirs / ours for ours, theirs in zip(cpu, embree, strict=True)]
+    return {"mrays_per_cpu_s": timed / median(embree) / 1e6, "ratio": median(ratios)}
+
+
+def _last_json(text: str) -> dict[str, Any] | None:
+    lines = text.strip().splitlines()
+    try:
+        answer = json.loads(lines[-1]) if lines else None
+    except ValueError:
+        return None
+    return answer if isinstance(answer, dict) else None

@@ -1,0 +1,86 @@
+"""Triangles into primitive buffers: the paper's three layouts (section 3.1), and what is left without normals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Words = npt.NDArray[np.uint32]
+Floats = npt.NDArray[np.float32]
+Ints = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class PackedPrimitives:
+    """Primitive buffers: `vertices` uint32 words, and `normals` where they have a buffer of their own."""
+
+    vertices: Words
+    normals: Words | None
+
+    @property
+    def nbytes(self) -> int:
+        """The bytes of both."""
+        return self.vertices.nbytes + (0 if self.normals is None else self.normals.nbytes)
+
+
+def pack_primitives(
+    triangles: Floats, corner_normals: Floats | None, order: Ints | None, layout: str
+) -> PackedPrimitives:
+    """Lay triangles (m, 3, 3) and their corners' normals (m, 3, 3) out in `order` (slot -> triangle).
+
+    Without normals every layout is the same three padded vertices. The scene's triangle id lies in padding.
+    """
+    ids = np.arange(len(triangles), dtype=np.int32) if order is None else order
+    corners = _bits(triangles[ids])
+    vertices = np.zeros((len(ids), 3, 4), np.uint32)
+    vertices[:, :, :3] = corners
+    id_words = ids.astype(np.uint32)
+    if corner_normals is None:
+        vertices[:, 0, 3] = id_words
+        return PackedPrimitives(vertices.ravel(), None)
+    normals = np.zeros((len(ids), 3, 4), np.uint32)
+    normals[:, :, :3] = _bits(corner_normals[ids])
+    if layout == "compact":
+        vertices[:, :, 3] = normals[:, 0, :3]
+        normals[:, 1, 3] = id_words
+        return PackedPrimitives(np.concatenate([vertices, normals[:, 1:]], axis=1).ravel(), None)
+    vertices[:, 0, 3] = id_words
+    if layout == "split":
+        return PackedPrimitives(vertices.ravel(), normals.ravel())
+    return PackedPrimitives(np.concatenate([vertices, normals], axis=1).ravel(), None)
+
+
+def pack_raster(triangles: Floats, corner_normals: Floats | None) -> Words:
+    """The hybrid method's vertex buffer: position and octahedral normal of every corner, 4 words each."""
+    words = np.empty((len(triangles) * 3, 4), np.uint32)
+    words[:, :3] = _bits(triangles).reshape(-1, 3)
+    if corner_normals is None:
+        words[:, 3] = np.repeat(octahedral(face_normals(triangles)), 3)
+    else:
+        words[:, 3] = octahedral(corner_normals.reshape(-1, 3))
+    return words.ravel()
+
+
+def face_normals(triangles: Floats) -> npt.NDArray[np.float64]:
+    """Unit normals (m, 3) of triangles (m, 3, 3); of a degenerate triangle, z."""
+    corners = triangles.astype(np.float64)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(cross, axis=1, keepdims=True)
+    return np.where(length > 0, cross / np.where(length > 0, length, 1.0), [0.0, 0.0, 1.0])
+
+
+def octahedral(normals: npt.NDArray[np.floating]) -> Words:
+    """Unit vectors (n, 3) in 32 bits each, as `shaders/common_octahedral.glsl` decodes them."""
+    n = normals.astype(np.float64)
+    p = n[:, :2] / np.abs(n).sum(axis=1, keepdims=True)
+    folded = (1.0 - np.abs(p[:, ::-1])) * np.where(p >= 0, 1.0, -1.0)
+    snorm = np.rint(np.clip(np.where(n[:, 2:] < 0, folded, p), -1, 1) * 32767).astype(np.int64) & 0xFFFF
+    codes: Words = (snorm[:, 0] | (snorm[:, 1] << 16)).astype(np.uint32)
+    return codes
+
+
+def _bits(values: Floats) -> Words:
+    words: Words = np.ascontiguousarray(values, np.float32).view(np.uint32)
+    return words

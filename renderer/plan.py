@@ -1,0 +1,188 @@
+"""The plan: a variant made concrete for a scene. Texts, buffers, passes; no Python and no Java in it.
+
+One file: the magic, the format's version and the header's length as little-endian uint32, the JSON header, then the
+buffers at 16-byte boundaries counted from the header's end. Every buffer and text carries its sha256.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import struct
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+MAGIC = b"RAYFARM\0"
+VERSION = 1
+_ALIGN = 16
+
+Words = npt.NDArray[np.uint32]
+Uniform = tuple[str, list[float]]
+"""A type (`int`, `uint`, `float`, `ivec2`, `vec2`, `vec3`, `mat4` in column order) and its values, flat; more values
+than the type has are an array."""
+
+
+class PlanError(ValueError):
+    """A plan that cannot be read, or that a host cannot run; the message says why."""
+
+
+@dataclass(frozen=True, eq=False)
+class Buffer:
+    """A storage or vertex buffer of `nbytes`; `data` is None for scratch that the device fills."""
+
+    name: str
+    nbytes: int
+    data: Words | None = None
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A texture of the image's size: `rgba8`, `r32ui` or `depth24`."""
+
+    name: str
+    format: str
+
+
+@dataclass(frozen=True)
+class Program:
+    """Flattened texts by stage: `vertex` and `fragment`, or `compute`."""
+
+    name: str
+    stages: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One step of a frame.
+
+    `kind`: `compute` (groups of 8x8 over each tile), `draw` (the full-screen quad, scissored to each tile), `raster`
+    (`vertices` drawn whole with a depth test after clearing). `phase`: `setup` runs once, untimed; `frame` every
+    frame. `storage` maps bindings, `textures` sampler uniforms and `images` image units to names. `target` names the
+    colour texture (and depth texture) drawn into. `collect` names a buffer to read back after each tile.
+    """
+
+    name: str
+    kind: str
+    program: str
+    phase: str = "frame"
+    storage: dict[str, str] = field(default_factory=dict)
+    textures: dict[str, str] = field(default_factory=dict)
+    images: dict[str, str] = field(default_factory=dict)
+    target: list[str] = field(default_factory=list)
+    vertices: str | None = None
+    uniforms: dict[str, Uniform] = field(default_factory=dict)
+    collect: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What a host runs. `size` in pixels; `tile` the largest part of the image that one submission covers; `output` the
+    texture that holds the image; `uniforms` are shared by all passes; `needs` are device limits by GL name;
+    `left_out` says what the scene did not need."""
+
+    size: tuple[int, int]
+    tile: tuple[int, int]
+    buffers: tuple[Buffer, ...]
+    textures: tuple[Texture, ...]
+    programs: tuple[Program, ...]
+    passes: tuple[Pass, ...]
+    uniforms: dict[str, Uniform]
+    output: str
+    needs: dict[str, int]
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def shader_sha(self) -> str:
+        """One sha256 over all texts."""
+        digest = hashlib.sha256()
+        for program in self.programs:
+            for stage, text in sorted(program.stages.items()):
+                digest.update(f"{program.name}/{stage}\n{text}".encode())
+        return digest.hexdigest()
+
+    def save(self, path: Path) -> None:
+        """Write the plan to one file."""
+        header, blobs = _header(self)
+        text = json.dumps(header, sort_keys=True).encode()
+        with path.open("wb") as out:
+            out.write(MAGIC + struct.pack("<II", VERSION, len(text)) + text)
+            for blob in blobs:
+                out.write(blob)
+                out.write(bytes(-len(blob) % _ALIGN))
+
+
+def load_plan(path: Path) -> Plan:
+    """Read a plan; raise PlanError for another version, a torn file or a buffer that fails its checksum."""
+    data = path.read_bytes()
+    if data[:8] != MAGIC or len(data) < 16:
+        raise PlanError(f"{path.name} is not a RayFarm plan.")
+    version, length = struct.unpack_from("<II", data, 8)
+    if version != VERSION:
+        raise PlanError(f"{path.name} is a plan of version {version}; this host reads version {VERSION}.")
+    try:
+        header = json.loads(data[16 : 16 + length])
+    except ValueError as error:
+        raise PlanError(f"{path.name} is torn: its header cannot be read.") from error
+    buffers = tuple(_read_buffer(data, 16 + length, entry) for entry in header["buffers"])
+    return Plan(
+        size=_pair(header["size"]),
+        tile=_pair(header["tile"]),
+        buffers=buffers,
+        textures=tuple(Texture(**entry) for entry in header["textures"]),
+        programs=tuple(Program(entry["name"], entry["stages"]) for entry in header["programs"]),
+        passes=tuple(Pass(**entry) for entry in header["passes"]),
+        uniforms={name: (kind, values) for name, (kind, values) in header["uniforms"].items()},
+        output=header["output"],
+        needs=header["needs"],
+        left_out=tuple(header["left_out"]),
+    )
+
+
+def _header(plan: Plan) -> tuple[dict[str, Any], list[memoryview]]:
+    entries: list[dict[str, Any]] = []
+    blobs: list[memoryview] = []
+    offset = 0
+    for buffer in plan.buffers:
+        entry: dict[str, Any] = {"name": buffer.name, "bytes": buffer.nbytes, "offset": None, "sha256": None}
+        if buffer.data is not None:
+            blob = np.ascontiguousarray(buffer.data, "<u4").data.cast("B")
+            entry |= {"offset": offset, "sha256": hashlib.sha256(blob).hexdigest()}
+            offset += len(blob) + -len(blob) % _ALIGN
+            blobs.append(blob)
+        entries.append(entry)
+    header = {
+        "size": plan.size,
+        "tile": plan.tile,
+        "buffers": entries,
+        "textures": [asdict(texture) for texture in plan.textures],
+        "programs": [asdict(program) | {"sha256": _texts_sha(program)} for program in plan.programs],
+        "passes": [asdict(step) for step in plan.passes],
+        "uniforms": plan.uniforms,
+        "output": plan.output,
+        "needs": plan.needs,
+        "left_out": plan.left_out,
+    }
+    return header, blobs
+
+
+def _texts_sha(program: Program) -> dict[str, str]:
+    return {stage: hashlib.sha256(text.encode()).hexdigest() for stage, text in program.stages.items()}
+
+
+def _read_buffer(data: bytes, base: int, entry: dict[str, Any]) -> Buffer:
+    if entry["offset"] is None:
+        return Buffer(entry["name"], entry["bytes"])
+    start = base + entry["offset"]
+    blob = memoryview(data)[start : start + entry["bytes"]]
+    if len(blob) != entry["bytes"] or hashlib.sha256(blob).hexdigest() != entry["sha256"]:
+        raise PlanError(f"The plan's buffer {entry['name']} fails its checksum: the file is torn.")
+    return Buffer(entry["name"], entry["bytes"], np.frombuffer(blob, "<u4"))
+
+
+def _pair(values: Sequence[int]) -> tuple[int, int]:
+    return (int(values[0]), int(values[1]))

@@ -1,0 +1,313 @@
+"""Makes plans: picks the shader parts, the buffers and the passes that one request on one scene needs, and no more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.build.tree import MAX_DEPTH, Bvh, Kd, Tree
+from renderer.glsl import flatten
+from renderer.pack.nodes import PackedNodes, pack_nodes
+from renderer.pack.primitives import PackedPrimitives, face_normals, pack_primitives, pack_raster
+from renderer.pack.schema import glsl
+from renderer.plan import Buffer, Pass, Plan, Program, Texture, Uniform
+from renderer.request import Request
+from renderer.variant import TRAVERSALS
+from renderer.view import View, view_of
+from scenes.scene import Scene
+
+TILE = 512
+"""No submission covers more than this many pixels a side, so that a phone's GPU watchdog is not tripped."""
+
+RANGE = 32_768
+"""Triangles a brute-force pass tests: Mesa 22 stops an invocation after 65,535 loop iterations."""
+
+SHADOW_OFFSET = 1e-4
+"""How far along the normal a shadow ray starts, as a fraction of the scene's diagonal (`--offset constant`)."""
+
+BASE_RECORD_BYTES = 64
+"""Bytes a pixel of an instrumented plan's records, and as many again for each light."""
+
+
+@dataclass(frozen=True, eq=False)
+class Packed:
+    """The buffers of one request: nodes and primitives, what shading needs of normals, and their sizes in bytes."""
+
+    nodes: PackedNodes | None
+    primitives: PackedPrimitives
+    normals: bool
+
+    @property
+    def structure_bytes(self) -> int:
+        """The bytes of nodes and triangle lists."""
+        return 0 if self.nodes is None else self.nodes.words.nbytes
+
+
+def pack(scene: Scene, tree: Tree | None, request: Request) -> Packed:
+    """Lay out what the request's traversal, layout and shading read."""
+    variant = request.variant
+    corner_normals = _corner_normals(scene, request)
+    order = tree.order if isinstance(tree, Bvh) else None
+    return Packed(
+        None if tree is None else pack_nodes(tree, TRAVERSALS[variant.traversal].nodes),
+        pack_primitives(scene.triangles, corner_normals, order, variant.layout),
+        corner_normals is not None,
+    )
+
+
+def make_plan(scene: Scene, tree: Tree | None, packed: Packed, request: Request, *, instrument: bool) -> Plan:
+    """The plan of a request; `instrument` adds counters, hit records and the rays as cast, and must not be timed."""
+    return _Planner(scene, tree, packed, request, instrument).plan()
+
+
+def _corner_normals(scene: Scene, request: Request) -> npt.NDArray[np.float32] | None:
+    """Normals for the primitive buffers: in the general form always, else if the rays' shading reads them."""
+    if not request.specialise:
+        if scene.normals is None:
+            flat = face_normals(scene.triangles).astype(np.float32)
+            return np.repeat(flat[:, None], 3, axis=1)
+        return scene.normals[scene.faces]
+    if scene.normals is None or request.variant.method == "hybrid":
+        return None
+    return scene.normals[scene.faces]
+
+
+class _Planner:
+    """The parts of one plan, gathered; every method gives one part."""
+
+    def __init__(self, scene: Scene, tree: Tree | None, packed: Packed, request: Request, instrument: bool) -> None:
+        self.scene = scene
+        self.tree = tree
+        self.packed = packed
+        self.request = request
+        self.instrument = instrument
+        self.variant = request.variant
+        self.hybrid = self.variant.method == "hybrid"
+        self.kind = "compute" if self.variant.method == "compute" else "draw"
+        # Instrumented plans report the whole image whatever is to be timed.
+        self.rays = "both" if instrument else request.rays
+        self.view = view_of(scene, request.camera or scene.camera, request.size)
+
+    def plan(self) -> Plan:
+        passes, programs = self._passes()
+        stateful = any("state" in step.storage.values() for step in passes)
+        return Plan(
+            size=self.request.size,
+            tile=self._tile(),
+            buffers=tuple(self._buffers(stateful)),
+            textures=tuple(self._textures()),
+            programs=tuple(programs),
+            passes=tuple(passes),
+            uniforms=self._uniforms(),
+            output="image",
+            needs=self._needs(stateful),
+            left_out=tuple(self._left_out()),
+        )
+
+    def _tile(self) -> tuple[int, int]:
+        width, height = self.request.size
+        return (min(width, TILE), min(height, TILE))
+
+    # Passes
+
+    def _passes(self) -> tuple[list[Pass], list[Program]]:
+        steps: list[Pass] = []
+        programs: dict[str, Program] = {}
+        for name, stages in self._steps():
+            defines = {**self._defines(), **dict.fromkeys(_STAGES, 0), **dict.fromkeys(stages.on, 1)}
+            program = "trace-" + "-".join(stages.on).lower().replace("_", "-")
+            programs[program] = Program(program, self._texts(defines))
+            steps.append(self._trace_pass(name, program, stages))
+        before, after = self._raster_pass(programs), self._present_pass(programs)
+        return [*before, *steps, *after], list(programs.values())
+
+    def _steps(self) -> list[tuple[str, _Stages]]:
+        """The trace passes in order: one where the work fits in one, else by range and through the state buffer."""
+        primary = not self.hybrid
+        shadow = self.rays != "primary"
+        if self.tree is None and len(self.scene.faces) > RANGE:
+            return self._ranged_steps(primary, shadow)
+        full = (0, len(self.scene.faces))
+        if self.rays == "shadow" and primary:
+            return [
+                ("primary", _Stages(("STAGE_PRIMARY", "STATE_OUT"), "setup", full)),
+                ("shadow", _Stages(("STAGE_SHADOW", "STATE_HITS"), "frame", full, last=True)),
+            ]
+        on = (("STAGE_PRIMARY",) if primary else ()) + (("STAGE_SHADOW",) if shadow else ())
+        return [("trace", _Stages(on, "frame", full, last=True))]
+
+    def _ranged_steps(self, primary: bool, shadow: bool) -> list[tuple[str, _Stages]]:
+        ranges = [(at, min(at + RANGE, len(self.scene.faces))) for at in range(0, len(self.scene.faces), RANGE)]
+        steps: list[tuple[str, _Stages]] = []
+        carried: tuple[str, ...]
+        phase = "setup" if self.rays == "shadow" else "frame"
+        for i, part in enumerate(ranges if primary else []):
+            carried = ("STATE_HITS",) if i else ()
+            steps.append((f"primary-{i}", _Stages(("STAGE_PRIMARY", "STATE_OUT", *carried), phase, part)))
+        for i, part in enumerate(ranges if shadow else []):
+            carried = (("STATE_HITS",) if primary else ()) + (("STATE_HIDDEN",) if i else ())
+            steps.append((f"shadow-{i}", _Stages(("STAGE_SHADOW", "STATE_OUT", *carried), "frame", part)))
+        kept = (("STATE_HITS",) if primary else ()) + (("STATE_HIDDEN",) if shadow else ())
+        return [*steps, ("shade", _Stages(kept, "frame", (0, 0), last=True))]
+
+    def _trace_pass(self, name: str, program: str, stages: _Stages) -> Pass:
+        storage = {"1": "primitives"}
+        if self.packed.nodes is not None:
+            storage["0"] = "nodes"
+        if self.packed.primitives.normals is not None:
+            storage["2"] = "normals"
+        if any(stage.startswith("STATE_") for stage in stages.on):
+            storage["3"] = "state"
+        collect = None
+        if self.instrument:
+            storage["4"] = "records"
+            collect = "records" if stages.last else None
+        first, last = stages.triangles
+        uniforms: dict[str, Uniform] = {}
+        if self.tree is None:
+            uniforms = {"range_first": ("uint", [first]), "range_last": ("uint", [last])}
+        step = Pass(name, self.kind, program, stages.phase, storage=storage, uniforms=uniforms, collect=collect)
+        if self.hybrid:
+            textures = {"raster_depth": "depth", "raster_normal": "normal"}
+            return replace(step, textures=textures, target=["image"])
+        if self.kind == "compute":
+            return replace(step, images={"0": "canvas"})
+        return replace(step, target=["image"])
+
+    def _raster_pass(self, programs: dict[str, Program]) -> list[Pass]:
+        if not self.hybrid:
+            return []
+        vertex, fragment = (flatten({}, [name]) for name in ("render_raster.vert", "render_raster.frag"))
+        programs["raster"] = Program("raster", {"vertex": vertex, "fragment": fragment})
+        phase = "setup" if self.rays == "shadow" else "frame"
+        return [Pass("raster", "raster", "raster", phase, target=["normal", "depth"], vertices="corners")]
+
+    def _present_pass(self, programs: dict[str, Program]) -> list[Pass]:
+        if self.kind != "compute":
+            return []
+        vertex, fragment = (flatten({}, [name]) for name in ("render_screen.vert", "render_present.frag"))
+        programs["present"] = Program("present", {"vertex": vertex, "fragment": fragment})
+        return [Pass("present", "draw", "present", textures={"canvas": "canvas"}, target=["image"])]
+
+    # Texts
+
+    def _defines(self) -> dict[str, int]:
+        """What the texts of this plan are specialised on."""
+        depth = MAX_DEPTH if not self.request.specialise or self.tree is None else self.tree.depth
+        defines = {
+            "INSTRUMENT": int(self.instrument),
+            "LIGHTS": len(self.scene.lights),
+            "NORMALS": int(self.packed.normals),
+        }
+        match self.variant.traversal:
+            case "bvh-stack":
+                defines["STACK_SIZE"] = max(depth, 1)
+            case "bvh-restart-trail":
+                defines["TRAIL_WORDS"] = 1 if depth <= 32 else 2
+        if isinstance(self.tree, Kd):
+            assert self.packed.nodes is not None
+            defines["REFS_AT"] = self.packed.nodes.refs_at
+        return defines
+
+    def _texts(self, defines: dict[str, int]) -> dict[str, str]:
+        variant = self.variant
+        layout = variant.layout if self.packed.normals else "bare"
+        parts = [
+            *([glsl(TRAVERSALS[variant.traversal].nodes)] if self.tree is not None else []),
+            "common_ray.glsl",
+            "common_slab.glsl",
+            f"box_{variant.box}.glsl",
+            f"layout_{layout}.glsl",
+            f"intersector_{variant.intersector}.glsl".replace("-", "_"),
+            f"traversal_{variant.traversal}.glsl".replace("-", "_"),
+            "common_view.glsl",
+            "surface_raster.glsl" if self.hybrid else "surface_cast.glsl",
+            *(["common_records.glsl"] if self.instrument else []),
+            "render_pixel.glsl",
+        ]
+        if self.kind == "compute":
+            return {"compute": flatten(defines, [*parts, "render_compute.comp"])}
+        vertex = flatten({}, ["render_screen.vert"])
+        return {"vertex": vertex, "fragment": flatten(defines, [*parts, "render_fragment.frag"])}
+
+    # Data
+
+    def _buffers(self, stateful: bool) -> list[Buffer]:
+        width, height = self.request.size
+        data = [("primitives", self.packed.primitives.vertices), ("normals", self.packed.primitives.normals)]
+        if self.packed.nodes is not None:
+            data.append(("nodes", self.packed.nodes.words))
+        if self.hybrid:
+            normals = None if self.scene.normals is None else self.scene.normals[self.scene.faces]
+            data.append(("corners", pack_raster(self.scene.triangles, normals)))
+        buffers = [Buffer(name, words.nbytes, words) for name, words in data if words is not None]
+        if stateful:
+            buffers.append(Buffer("state", width * height * 16))
+        if self.instrument:
+            tile_width, tile_height = self._tile()
+            pixel = BASE_RECORD_BYTES * (1 + len(self.scene.lights))
+            buffers.append(Buffer("records", tile_width * tile_height * pixel))
+        return buffers
+
+    def _textures(self) -> list[Texture]:
+        textures = [Texture("image", "rgba8")]
+        if self.kind == "compute":
+            textures.append(Texture("canvas", "rgba8"))
+        if self.hybrid:
+            textures += [Texture("normal", "r32ui"), Texture("depth", "depth24")]
+        return textures
+
+    def _uniforms(self) -> dict[str, Uniform]:
+        width, height = self.request.size
+        view: View = self.view
+        uniforms: dict[str, Uniform] = {
+            "image_size": ("ivec2", [width, height]),
+            "pixel_step": ("vec2", [2.0 / width, 2.0 / height]),
+            "eye": ("vec3", view.eye.tolist()),
+            "view_forward": ("vec3", view.forward.tolist()),
+            "view_right": ("vec3", view.right.tolist()),
+            "view_up": ("vec3", view.up.tolist()),
+            "lights": ("vec3", [value for light in self.scene.lights for value in light]),
+            "shadow_offset": ("float", [self.scene.diagonal * SHADOW_OFFSET]),
+        }
+        if self.hybrid:
+            uniforms["depth_planes"] = ("vec2", [view.near, view.far])
+            uniforms["projection_view"] = ("mat4", view.projection_view.T.ravel().tolist())
+        if isinstance(self.tree, Kd):
+            uniforms["root_lower"] = ("vec3", self.tree.lower[0].astype(float).tolist())
+            uniforms["root_upper"] = ("vec3", self.tree.upper[0].astype(float).tolist())
+        return uniforms
+
+    def _needs(self, stateful: bool) -> dict[str, int]:
+        """Device limits by GL name, without the `GL_MAX_`."""
+        blocks = 1 + (self.packed.nodes is not None) + (self.packed.primitives.normals is not None)
+        blocks += stateful + self.instrument
+        stage = "COMPUTE" if self.kind == "compute" else "FRAGMENT"
+        largest = max(buffer.nbytes for buffer in self._buffers(stateful))
+        return {f"{stage}_SHADER_STORAGE_BLOCKS": blocks, "SHADER_STORAGE_BLOCK_SIZE": largest}
+
+    def _left_out(self) -> list[str]:
+        """What the general form has and this scene does not need."""
+        if not self.request.specialise:
+            return []
+        out = [] if self.packed.normals else ["vertex normals in the primitive buffers"]
+        if self.variant.traversal == "bvh-stack" and self.tree is not None:
+            out.append(f"{MAX_DEPTH - max(self.tree.depth, 1)} of {MAX_DEPTH} stack entries")
+        if self.variant.traversal == "bvh-restart-trail" and self.tree is not None and self.tree.depth <= 32:
+            out.append("the trail's second word")
+        return out
+
+
+_STAGES = ("STAGE_PRIMARY", "STAGE_SHADOW", "STATE_HITS", "STATE_HIDDEN", "STATE_OUT")
+
+
+@dataclass(frozen=True)
+class _Stages:
+    """What one trace pass does: the stages switched on, when, over which triangles, and whether it ends the image."""
+
+    on: tuple[str, ...]
+    phase: str
+    triangles: tuple[int, int]
+    last: bool = False

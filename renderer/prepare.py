@@ -1,0 +1,53 @@
+"""A request made ready: its scene, its tree from the cache, its buffers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from renderer.build.api import Builder, build
+from renderer.build.tree import Bvh, SahCosts, Tree
+from renderer.plan import Plan
+from renderer.planner import Packed, make_plan, pack
+from renderer.request import Request
+from scenes.load import load
+from scenes.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Everything that a host and the judges need of one request; `build_ms` is the tree's CPU time."""
+
+    request: Request
+    scene: Scene
+    tree: Tree | None
+    build_ms: float | None
+    packed: Packed
+
+    def plan(self, *, instrument: bool) -> Plan:
+        """The timed plan, or the instrumented one."""
+        return make_plan(self.scene, self.tree, self.packed, self.request, instrument=instrument)
+
+    def referee_tree(self) -> Bvh:
+        """A BVH for the referee to walk, whatever the request's own structure is."""
+        if isinstance(self.tree, Bvh):
+            return self.tree
+        tree, _ = build(self.scene.key, self.scene.triangles, "bvh", "sah", SahCosts())
+        assert isinstance(tree, Bvh)
+        return tree
+
+
+def prepare(request: Request) -> Prepared:
+    """Load, build and pack; raise SceneError, BuildError or PackError with one sentence."""
+    scene = load(request.scene)
+    if request.camera is not None:
+        scene = replace(scene, camera=request.camera)
+    tree, build_ms = _tree(scene, request)
+    return Prepared(request, scene, tree, build_ms, pack(scene, tree, request))
+
+
+def _tree(scene: Scene, request: Request) -> tuple[Tree | None, float | None]:
+    kind = request.variant.structure
+    if kind == "none":
+        return None, None
+    builder: Builder = "median" if request.variant.builder == "median" else "sah"
+    return build(scene.key, scene.triangles, kind, builder, request.costs)

@@ -1,0 +1,210 @@
+"""One slice: one round of one job, measured in a process of its own (`python -m renderer.slice`).
+
+The request and the round come as JSON on standard input; the last line of standard output is the measurement, or
+`{"error": sentence}`. Nothing else on this host is measured meanwhile.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from datetime import UTC, datetime
+from functools import partial
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from renderer.accuracy import judge
+from renderer.build.api import BuildError
+from renderer.host import end_with_parent, measuring
+from renderer.oracle import Oracle
+from renderer.pack.nodes import PackError
+from renderer.plan import VERSION, Plan, PlanError
+from renderer.planner import RANGE
+from renderer.prepare import Prepared, prepare
+from renderer.readback import read_records
+from renderer.records import COUNTERS, Records
+from renderer.request import Request, RequestError
+from renderer.twin import Frames, Twin, open_context
+from scenes.scene import SceneError
+
+Measurement = dict[str, Any]
+
+WARM_UP = 1
+"""Frames run and dropped before the timed ones: the first compiles."""
+
+SPOKEN = (SceneError, BuildError, PackError, PlanError, RequestError)
+"""Errors whose message is a sentence for the user."""
+
+
+class CutShortError(PlanError):
+    """Loops that the device stopped before they were done."""
+
+
+def measure(request: Request, round_index: int) -> Measurement:
+    """Measure one round here: counters and errors in the first round, frame times in each."""
+    started = datetime.now(UTC).isoformat(timespec="seconds")
+    prepared = prepare(request)
+    context = open_context()
+    wants_records = round_index == 0 or request.vs_embree
+    records = _instrumented(prepared, context) if wants_records else None
+    oracle = None
+    if request.vs_embree or (round_index == 0 and request.check != "none"):
+        oracle = Oracle(prepared.scene.vertices, prepared.scene.faces)
+
+    plan = prepared.plan(instrument=False)
+    against = None
+    if request.vs_embree and oracle is not None and records is not None:
+        against = _embree_frame(request, oracle, records)
+    frames, embree, compile_s = _timed(context, plan, _frames_of(request, round_index), against)
+    measurement: Measurement = {
+        "round": round_index,
+        "started_at": started,
+        "device": _device(context, request),
+        "frames": asdict(frames),
+        "embree_cpu": embree,
+        "compile_s": compile_s,
+        "load_average": os.getloadavg()[0],
+    }
+    if round_index == 0:
+        assert records is not None
+        errors = judge(prepared.scene.triangles, records, oracle, _referee_tree(prepared), request.check)
+        measurement |= _facts(prepared, plan, records) | {"error": asdict(errors)}
+    return measurement
+
+
+def _referee_tree(prepared: Prepared) -> Any:
+    return prepared.referee_tree() if prepared.request.check == "referee" else None
+
+
+def _instrumented(prepared: Prepared, context: Any) -> Records:
+    plan = prepared.plan(instrument=True)
+    twin = Twin(context, plan)
+    twin.setup()
+    records = read_records(plan.size, plan.tile, len(prepared.scene.lights), twin.collect())
+    twin.release()
+    _refuse_cut(int(records.cut.sum()))
+    return records
+
+
+def _refuse_cut(pixels: int) -> None:
+    if pixels:
+        raise CutShortError(
+            f"{pixels} pixels were cut short: the device stopped their loops before they were done (Mesa 22 stops an "
+            "invocation after 65,535 iterations), so the run does not count; use another traversal or smaller leaves."
+        )
+
+
+def _timed(
+    context: Any, plan: Plan, count: int, against: Callable[[], float] | None
+) -> tuple[Frames, list[float], float]:
+    """Frame times, Embree's CPU seconds between the frames, and the seconds until the first frame was done."""
+    begun = time.perf_counter()
+    twin = Twin(context, plan)
+    twin.setup()
+    for _ in range(WARM_UP):
+        twin.frame()
+    compile_s = time.perf_counter() - begun
+    embree: list[float] = []
+    if against is not None:
+        against()
+    frames = twin.time_frames(count, lambda: embree.append(against()) if against is not None else None)
+    _refuse_cut(int((twin.image()[..., 3] == 0).sum()))
+    return frames, embree, compile_s
+
+
+def _embree_frame(request: Request, oracle: Oracle, records: Records) -> Callable[[], float]:
+    """A function that traces what was timed, ray for ray, with Embree and returns the CPU seconds."""
+    traces: list[Callable[[], object]] = []
+    if request.rays != "shadow" and request.variant.method != "hybrid":
+        traces.append(partial(oracle.trace_closest, records.primary))
+    if request.rays != "primary":
+        traces.append(partial(oracle.trace_occluded, records.shadow))
+
+    def trace() -> float:
+        begun = time.process_time()
+        for one in traces:
+            one()
+        return time.process_time() - begun
+
+    return trace
+
+
+def _frames_of(request: Request, round_index: int) -> int:
+    """This round's share of the frames."""
+    share, rest = divmod(request.frames, request.rounds)
+    return share + (round_index < rest)
+
+
+def _facts(prepared: Prepared, plan: Plan, records: Records) -> Measurement:
+    tree = prepared.tree
+    return {
+        "triangles": len(prepared.scene.faces),
+        "cost": None if tree is None else tree.cost,
+        "depth": None if tree is None else tree.depth,
+        "build_ms": prepared.build_ms,
+        "structure_bytes": prepared.packed.structure_bytes,
+        "primitive_bytes": prepared.packed.primitives.nbytes,
+        "rays": {"primary": len(records.primary), "shadow": len(records.shadow)},
+        "per_ray": _per_ray(prepared, records),
+        "specialised": list(plan.left_out),
+        "versions": {
+            "rayfarm": version("rayfarm"),
+            "shader_sha": plan.shader_sha,
+            "plan": VERSION,
+            "embreex": version("embreex"),
+        },
+    }
+
+
+def _per_ray(prepared: Prepared, records: Records) -> dict[str, float] | None:
+    """Means over the rays that are timed; None where brute force ran in passes, which do not carry counters."""
+    request = prepared.request
+    if prepared.tree is None and len(prepared.scene.faces) > RANGE:
+        return None
+    counted = []
+    if request.rays != "shadow" and request.variant.method != "hybrid":
+        counted.append(records.primary_counts)
+    if request.rays != "primary":
+        counted.append(records.shadow_counts)
+    counts = np.concatenate(counted).astype(np.float64)
+    means = counts.mean(axis=0) if len(counts) else np.zeros(len(COUNTERS))
+    figures = dict(zip(COUNTERS, means.tolist(), strict=True))
+    return figures | {"bytes": figures.pop("words") * 4}
+
+
+def _device(context: Any, request: Request) -> dict[str, Any]:
+    info = context.info
+    return {
+        "id": "llvmpipe" if "llvmpipe" in info["GL_RENDERER"] else "egl",
+        "kind": "twin",
+        "name": info["GL_RENDERER"],
+        "driver": info["GL_VERSION"],
+        "vendor": info["GL_VENDOR"],
+        "threads": request.threads,
+        "cores": os.cpu_count(),
+        "machine": platform.machine(),
+    }
+
+
+def main() -> None:
+    """Read one task from standard input, measure it, print the measurement."""
+    task = json.load(sys.stdin)
+    end_with_parent(task["parent"])
+    try:
+        request = Request.from_json(task["request"])
+        with measuring():
+            answer = measure(request, task["round"])
+    except SPOKEN as error:
+        answer = {"error": str(error)}
+    print(json.dumps(answer))
+
+
+if __name__ == "__main__":
+    main()

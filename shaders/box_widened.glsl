@@ -1,0 +1,8 @@
+// Conservative box test: skips a box only if its entry lies behind its widened exit or behind the closest hit.
+void box_prepare() {
+}
+
+bool box_hit(vec3 lower, vec3 upper, out float entry) {
+    entry = slab_entry(lower, upper);
+    return entry <= min(slab_exit(lower, upper), hit_t) * WIDEN;
+}

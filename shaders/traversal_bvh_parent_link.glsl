@@ -1,0 +1,43 @@
+#include "common_leaf.glsl"
+
+// Hapala et al. 2011: stackless, in the order of the stack traversal. A node knows its parent and its parent's split
+// axis, so that whether it is the near child, and where to go next, takes one word on the way up.
+bool is_near(uint node, uvec4 high) {
+    return (node & 1u) == ((slab_octant >> node_parent_axis(high)) & 1u);
+}
+
+void trace(const bool any_hit) {
+    uint node = 0u;
+    bool done = false;
+    while (!done) {
+        uint first = 0u;
+        uint count = 0u;
+        while (!done && count == 0u) {
+            COUNT_NODE(8);
+            uvec4 low = node_chunk(node, 0u);
+            uvec4 high = node_chunk(node, 1u);
+            float entry;
+            bool hit = box_hit(node_lower(low), node_upper(high), entry);
+            uint axis = node_axis(low);
+            bool down = hit && axis != LEAF;
+            uint near = node_child(low) + ((slab_octant >> axis) & 1u);
+            first = node_first(low);
+            count = hit && axis == LEAF ? node_count(low) : 0u;
+            COUNT_VISIT(down, count);
+            // Up to the first near child on the way to the root: its sibling is next.
+            bool up = !down && node != 0u && !is_near(node, high);
+            while (up) {
+                node = node_parent(high);
+                COUNT_NODE(1);
+                high.w = node_links(node);
+                up = node != 0u && !is_near(node, high);
+            }
+            cut = cut || up;
+            done = !down && node == 0u;
+            node = down ? near : node ^ 1u;
+        }
+        intersect_slots(first, count);
+        done = done || (any_hit && hit_id != NO_PRIMITIVE);
+    }
+    cut = cut || !done;
+}
