@@ -24,9 +24,6 @@ from renderer.request import Check
 
 Kinds = npt.NDArray[np.int8]
 
-RASTERISED = -2
-"""The primitive of a hit that a rasteriser found (see `Hits`)."""
-
 TIE = 2.0**-10
 """The largest relative distance in t of a tie, however grazing the triangles are."""
 
@@ -95,8 +92,7 @@ def judge(triangles: Floats, records: Records, oracle: Oracle | None, bvh: Bvh |
     if len(triangles) <= int(records.hits.primitive.max(initial=-1)):
         raise ValueError("A hit names a triangle that the scene has not; judge records with their own scene.")
     court = _Court(triangles, oracle, bvh, check == "referee")
-    hybrid = bool((records.hits.primitive == RASTERISED).any())
-    figures, counts = _raster(court, records) if hybrid else _primary(court, records)
+    figures, counts = _raster(court, records) if records.rasterised else _primary(court, records)
     shadow_figures, shadow_counts = _shadow(court, records)
     return Errors(**figures, **shadow_figures, counts=counts | shadow_counts)
 

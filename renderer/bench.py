@@ -119,8 +119,7 @@ def combine(request: Request, measurements: list[dict[str, Any]]) -> Result:
 
 
 def _rays_timed(request: Request, rays: dict[str, int]) -> int:
-    primary = 0 if request.rays == "shadow" or request.variant.method == "hybrid" else rays["primary"]
-    return primary + (0 if request.rays == "primary" else rays["shadow"])
+    return (0 if request.rays == "shadow" else rays["primary"]) + (0 if request.rays == "primary" else rays["shadow"])
 
 
 def _per_ray(counts: dict[str, float] | None) -> dict[str, float | None]:

@@ -7,17 +7,22 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from renderer.records import Hits, Rays, Records
+from renderer.records import RASTERISED, Hits, Rays, Records
 
 Words = npt.NDArray[np.uint32]
 Tile = tuple[int, int, int, int]
 
-_RASTERISED = 0xFFFFFFFE
+_SEEN = 0xFFFFFFFE
 _MISS = 0xFFFFFFFF
 
 
 def read_records(
-    size: tuple[int, int], tile: tuple[int, int], lights: int, tiles: Iterable[tuple[Tile, Words]]
+    size: tuple[int, int],
+    tile: tuple[int, int],
+    lights: int,
+    tiles: Iterable[tuple[Tile, Words]],
+    *,
+    rasterised: bool = False,
 ) -> Records:
     """Gather the tiles of one image; `tile` is the plan's tile size, the row pitch of each tile's buffer."""
     width, height = size
@@ -38,7 +43,7 @@ def read_records(
         primary=Rays(_floats(primary[:, 0, :3]), _floats(primary[:, 1, :3]), reach),
         hits=Hits(
             t=np.where(missed, np.float32(np.inf), _floats(primary[:, 0, 3])),
-            primitive=np.where(missed, -1, np.where(found == _RASTERISED, -2, found.astype(np.int64))).astype(np.int32),
+            primitive=np.where(missed, -1, np.where(found == _SEEN, RASTERISED, found.astype(np.int64))).astype(np.int32),
         ),
         shadow=Rays(_floats(shadow[:, 0, :3]), _floats(shadow[:, 1, :3]), _floats(shadow[:, 0, 3])),
         shadow_pixel=pixel.astype(np.int32),
@@ -47,6 +52,7 @@ def read_records(
         primary_counts=_counts(primary),
         shadow_counts=_counts(shadow),
         cut=np.asarray((pixels[:, :, 3, 1] & 1).any(axis=1)),
+        rasterised=rasterised,
     )
 
 

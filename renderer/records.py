@@ -15,6 +15,9 @@ Flags = npt.NDArray[np.bool_]
 COUNTERS = ("nodes", "inner", "leaves", "triangles", "words")
 """What an instrumented traversal counts per ray; `words` are 4-byte words fetched from storage buffers."""
 
+RASTERISED = -2
+"""The primitive of a hit that a rasteriser found: which one is not known."""
+
 
 @dataclass(frozen=True, eq=False)
 class Rays:
@@ -37,7 +40,7 @@ class Rays:
 class Hits:
     """The closest hit of n rays: `t` (n,) float32, inf for a miss; `primitive` (n,) int32, -1 for a miss.
 
-    For a hybrid plan, whose primary hits come from the rasteriser, `primitive` is -2 where something was hit.
+    For a hybrid plan, whose primary hits come from the rasteriser, `primitive` is RASTERISED where something was hit.
     """
 
     t: Floats
@@ -51,7 +54,8 @@ class Records:
     `primary` and `hits` have w*h entries. `shadow` holds the shadow rays actually cast, `shadow_pixel` (s,) int32 the
     pixel and `shadow_light` (s,) int32 the light of each, `occluded` (s,) bool what was found. `primary_counts` is
     (w*h, 5) and `shadow_counts` (s, 5) uint32 in the order of COUNTERS. `cut` (w*h,) bool marks pixels whose loops
-    were stopped before they were done.
+    were stopped before they were done. `rasterised` says that no primary ray was cast: `primary` are then the rays
+    that would have been, and `hits` what the rasteriser saw.
     """
 
     size: tuple[int, int]
@@ -64,3 +68,4 @@ class Records:
     primary_counts: Words
     shadow_counts: Words
     cut: Flags
+    rasterised: bool = False

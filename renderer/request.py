@@ -94,7 +94,7 @@ class Request:
 def parse_size(text: str) -> tuple[int, int]:
     """Read `W` or `WxH`; raise RequestError when it is neither."""
     parts = text.lower().split("x")
-    if len(parts) > 2 or not all(part.strip().isdigit() for part in parts):
+    if len(parts) > 2 or not all(part.strip().isdecimal() and len(part) < 10 for part in parts):
         raise RequestError(f"The size {text!r} is not understood: write it as 512 or 640x480.")
     numbers = [int(part) for part in parts]
     return (numbers[0], numbers[-1])

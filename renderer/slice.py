@@ -23,12 +23,12 @@ import numpy as np
 from renderer.accuracy import judge
 from renderer.build.api import BuildError
 from renderer.host import end_with_parent, measuring
+from renderer.instrumented import instrumented, refuse_cut
 from renderer.oracle import Oracle
 from renderer.pack.nodes import PackError
 from renderer.plan import VERSION, Plan, PlanError
 from renderer.planner import RANGE
 from renderer.prepare import Prepared, prepare
-from renderer.readback import read_records
 from renderer.records import COUNTERS, Records
 from renderer.request import Request, RequestError
 from renderer.twin import Frames, Twin, open_context
@@ -43,17 +43,13 @@ SPOKEN = (SceneError, BuildError, PackError, PlanError, RequestError)
 """Errors whose message is a sentence for the user."""
 
 
-class CutShortError(PlanError):
-    """Loops that the device stopped before they were done."""
-
-
 def measure(request: Request, round_index: int) -> Measurement:
     """Measure one round here: counters and errors in the first round, frame times in each."""
     started = datetime.now(UTC).isoformat(timespec="seconds")
     prepared = prepare(request)
     context = open_context()
     wants_records = round_index == 0 or request.vs_embree
-    records = _instrumented(prepared, context) if wants_records else None
+    records = instrumented(prepared, context) if wants_records else None
     oracle = None
     if request.vs_embree or (round_index == 0 and request.check != "none"):
         oracle = Oracle(prepared.scene.vertices, prepared.scene.faces)
@@ -83,24 +79,6 @@ def _referee_tree(prepared: Prepared) -> Any:
     return prepared.referee_tree() if prepared.request.check == "referee" else None
 
 
-def _instrumented(prepared: Prepared, context: Any) -> Records:
-    plan = prepared.plan(instrument=True)
-    twin = Twin(context, plan)
-    twin.setup()
-    records = read_records(plan.size, plan.tile, len(prepared.scene.lights), twin.collect())
-    twin.release()
-    _refuse_cut(int(records.cut.sum()))
-    return records
-
-
-def _refuse_cut(pixels: int) -> None:
-    if pixels:
-        raise CutShortError(
-            f"{pixels} pixels were cut short: the device stopped their loops before they were done (Mesa 22 stops an "
-            "invocation after 65,535 iterations), so the run does not count; use another traversal or smaller leaves."
-        )
-
-
 def _timed(
     context: Any, plan: Plan, count: int, against: Callable[[], float] | None
 ) -> tuple[Frames, list[float], float]:
@@ -115,14 +93,14 @@ def _timed(
     if against is not None:
         against()
     frames = twin.time_frames(count, lambda: embree.append(against()) if against is not None else None)
-    _refuse_cut(int((twin.image()[..., 3] == 0).sum()))
+    refuse_cut(int((twin.image()[..., 3] == 0).sum()))
     return frames, embree, compile_s
 
 
 def _embree_frame(request: Request, oracle: Oracle, records: Records) -> Callable[[], float]:
     """A function that traces what was timed, ray for ray, with Embree and returns the CPU seconds."""
     traces: list[Callable[[], object]] = []
-    if request.rays != "shadow" and request.variant.method != "hybrid":
+    if request.rays != "shadow" and not records.rasterised:
         traces.append(partial(oracle.trace_closest, records.primary))
     if request.rays != "primary":
         traces.append(partial(oracle.trace_occluded, records.shadow))
@@ -151,7 +129,7 @@ def _facts(prepared: Prepared, plan: Plan, records: Records) -> Measurement:
         "build_ms": prepared.build_ms,
         "structure_bytes": prepared.packed.structure_bytes,
         "primitive_bytes": prepared.packed.primitives.nbytes,
-        "rays": {"primary": len(records.primary), "shadow": len(records.shadow)},
+        "rays": {"primary": 0 if records.rasterised else len(records.primary), "shadow": len(records.shadow)},
         "per_ray": _per_ray(prepared, records),
         "specialised": list(plan.left_out),
         "versions": {
@@ -169,7 +147,7 @@ def _per_ray(prepared: Prepared, records: Records) -> dict[str, float] | None:
     if prepared.tree is None and len(prepared.scene.faces) > RANGE:
         return None
     counted = []
-    if request.rays != "shadow" and request.variant.method != "hybrid":
+    if request.rays != "shadow" and not records.rasterised:
         counted.append(records.primary_counts)
     if request.rays != "primary":
         counted.append(records.shadow_counts)

@@ -48,6 +48,19 @@ AXES: dict[str, tuple[str, ...]] = {
     "builder": ("sah", "median"),
 }
 
+PAPER: dict[str, tuple[str, ...]] = {
+    "traversal": tuple(name for name, row in TRAVERSALS.items() if row.paper),
+    "method": AXES["method"],
+    "layout": AXES["layout"],
+    "intersector": ("moller-trumbore",),
+    "box": ("williams",),
+    "nodes": ("f32",),
+    "precision": ("highp",),
+    "offset": ("constant",),
+    "builder": ("sah",),
+}
+"""What the paper measured, on each axis."""
+
 
 @dataclass(frozen=True)
 class Variant:
@@ -111,15 +124,13 @@ def refusal(variant: Variant, rays: str = "both") -> str | None:
 
 
 def expand(axis: str, words: str) -> tuple[str, ...]:
-    """Turn a comma list, `all` or (for traversals) `paper` into values of an axis, the latter two in table order."""
+    """Turn a comma list of values, `all` and `paper` into values of an axis, the latter two in table order."""
     chosen: list[str] = []
     for word in (part.strip() for part in words.split(",")):
         if word == "all":
             chosen += AXES[axis]
-        elif word == "paper" and axis == "traversal":
-            chosen += [name for name, row in TRAVERSALS.items() if row.paper]
-        elif word == "paper" and axis in ("method", "layout"):
-            chosen += AXES[axis]
+        elif word == "paper":
+            chosen += PAPER[axis]
         else:
             chosen.append(require_value(axis, word))
     return tuple(dict.fromkeys(chosen))

@@ -13,11 +13,12 @@ import pytest
 import trimesh
 
 from renderer import referee
-from renderer.accuracy import RASTERISED, Check, identical, judge
+from renderer.accuracy import identical, judge
 from renderer.build.bvh import build_bvh
 from renderer.build.tree import Bvh, SahCosts
 from renderer.oracle import Oracle
-from renderer.records import Flags, Floats, Hits, Ints, Rays, Records
+from renderer.records import RASTERISED, Flags, Floats, Hits, Ints, Rays, Records
+from renderer.request import Check
 
 SIDE = 64
 LIGHT = np.array([2, 4, 3], np.float32)
@@ -231,7 +232,7 @@ def test_a_rasterised_image_is_compared_by_hit_or_miss_alone() -> None:
     raster = np.where(truth.hits.primitive >= 0, RASTERISED, -1).astype(np.int32)
     raster[clear_hits(5)] = -1
     raster[np.flatnonzero(truth.hits.primitive < 0)[:2]] = RASTERISED
-    errors = judge(triangles, replace(truth, hits=Hits(truth.hits.t, raster)), oracle, bvh, "referee")
+    errors = judge(triangles, replace(truth, hits=Hits(truth.hits.t, raster), rasterised=True), oracle, bvh, "referee")
     assert errors.raster_mismatch == 7 / SIDE**2
     assert errors.false_hit is errors.false_miss is errors.wrong_primitive is errors.edge is errors.t_rel_max is None
     assert errors.shadow_mismatch == 0
