@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -27,22 +28,21 @@ class SliceError(RuntimeError):
 def run_slice(request: Request, round_index: int, timeout_s: float = 900.0) -> dict[str, Any]:
     """Run one slice in a fresh child process and return its measurement.
 
-    The child ends with this process. Raise SliceError with its reason when it fails or outlasts `timeout_s` seconds.
+    The child ends with this process. Raise SliceError with its reason when it fails or measures for longer than
+    `timeout_s` seconds; waiting for another measurement on this host does not count.
     """
-    task = {"request": request.to_json(), "round": round_index, "parent": os.getpid()}
+    task = {"request": request.to_json(), "round": round_index, "parent": os.getpid(), "timeout_s": timeout_s}
     environment = os.environ | {"LP_NUM_THREADS": str(request.threads), "PYTHONUNBUFFERED": "1"}
-    try:
-        done = subprocess.run(
-            [sys.executable, "-m", "renderer.slice"],
-            input=json.dumps(task),
-            capture_output=True,
-            text=True,
-            timeout=timeout_s,
-            env=environment,
-            check=False,
-        )
-    except subprocess.TimeoutExpired as error:
-        raise SliceError(f"The slice was ended after {timeout_s:.0f} s, its time limit.") from error
+    done = subprocess.run(
+        [sys.executable, "-m", "renderer.slice"],
+        input=json.dumps(task),
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=False,
+    )
+    if done.returncode == -signal.SIGALRM:
+        raise SliceError(f"The slice was ended after {timeout_s:.0f} s, its time limit.")
     answer = _last_json(done.stdout)
     if done.returncode != 0 or answer is None:
         last = (done.stderr.strip().splitlines() or ["nothing on standard error"])[-1]

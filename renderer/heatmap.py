@@ -11,15 +11,20 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from renderer.host import end_with_parent, measuring
+from renderer.instrumented import instrumented
+from renderer.planner import in_passes
+from renderer.prepare import Prepared, prepare
 from renderer.records import COUNTERS, Records
 from renderer.request import Request, RequestError
+from renderer.slice import SPOKEN
+from renderer.twin import open_context
 
 Counts = npt.NDArray[np.int64]
 
@@ -91,6 +96,11 @@ class Summary:
     p99: float
     max: int
 
+    @property
+    def text(self) -> str:
+        """The figures in one line."""
+        return f"mean {self.mean:,.1f}, median {self.p50:,.0f}, p99 {self.p99:,.0f}, max {self.max:,}"
+
 
 def summarise(counts: Counts) -> Summary:
     """Mean, median, 99th percentile and maximum over all pixels."""
@@ -98,26 +108,11 @@ def summarise(counts: Counts) -> Summary:
     return Summary(float(counts.mean()), float(p50), float(p99), int(counts.max()))
 
 
-def _record(prepared: Prepared) -> Records:
-    """Run the instrumented plan once; raise CutShortError when the device stopped a loop."""
-    plan = prepared.plan(instrument=True)
-    twin = Twin(open_context(), plan)
-    twin.setup()
-    records = read_records(plan.size, plan.tile, len(prepared.scene.lights), twin.collect())
-    twin.release()
-    if records.cut.any():
-        raise CutShortError(
-            f"The device stopped the loops of {int(records.cut.sum())} pixels before they were done, so their counts "
-            "are too low: use another traversal or smaller leaves."
-        )
-    return records
-
-
 def _refuse_uncounted(prepared: Prepared) -> None:
     triangles = len(prepared.scene.faces)
-    if prepared.tree is None and triangles > RANGE:
+    if in_passes(prepared.scene, prepared.tree):
         raise RequestError(
-            f"brute-force on {triangles:,} triangles runs in passes of {RANGE:,}, which carry no counters: draw a "
+            f"brute-force on {triangles:,} triangles runs in passes, which carry no counters: draw a "
             "traversal of a structure, or a smaller scene."
         )
 
@@ -136,7 +131,7 @@ def main() -> None:
         with measuring():
             prepared = prepare(request)
             _refuse_uncounted(prepared)
-            records = _record(prepared)
+            records = instrumented(prepared, open_context())
     except SPOKEN as error:
         print(error, file=sys.stderr)
         sys.exit(SPOKEN_CODE)

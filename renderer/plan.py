@@ -23,8 +23,8 @@ _ALIGN = 16
 
 Words = npt.NDArray[np.uint32]
 Uniform = tuple[str, list[float]]
-"""A type (`int`, `uint`, `float`, `ivec2`, `vec2`, `vec3`, `mat4` in column order) and its values, flat; more values
-than the type has are an array."""
+"""A type (`int`, `uint`, `float`, `ivec2`, `uvec2`, `vec2`, `vec3`, `mat4` in column order) and its values, flat; more
+values than the type has are an array."""
 
 
 class PlanError(ValueError):

@@ -21,8 +21,8 @@ from scenes.scene import Scene
 TILE = 512
 """No submission covers more than this many pixels a side, so that a phone's GPU watchdog is not tripped."""
 
-RANGE = 32_768
-"""Triangles a brute-force pass tests: Mesa 22 stops an invocation after 65,535 loop iterations."""
+LOOP_BUDGET = 60_000
+"""Loop iterations that a brute-force pass may take: Mesa 22 stops an invocation after 65,535 in all."""
 
 SHADOW_OFFSET = 1e-4
 """How far along the normal a shadow ray starts, as a fraction of the scene's diagonal (`--offset constant`)."""
@@ -60,6 +60,16 @@ def pack(scene: Scene, tree: Tree | None, request: Request) -> Packed:
 def make_plan(scene: Scene, tree: Tree | None, packed: Packed, request: Request, *, instrument: bool) -> Plan:
     """The plan of a request; `instrument` adds counters, hit records and the rays as cast, and must not be timed."""
     return _Planner(scene, tree, packed, request, instrument).plan()
+
+
+def in_passes(scene: Scene, tree: Tree | None) -> bool:
+    """Whether a traversal without a tree is cut into passes; their counters are not carried along."""
+    return tree is None and len(scene.faces) > pass_triangles(scene)
+
+
+def pass_triangles(scene: Scene) -> int:
+    """The triangles of one brute-force pass: an invocation may trace a primary ray and one to each light."""
+    return LOOP_BUDGET // (1 + len(scene.lights))
 
 
 def _corner_normals(scene: Scene, request: Request) -> npt.NDArray[np.float32] | None:
@@ -127,7 +137,7 @@ class _Planner:
         """The trace passes in order: one where the work fits in one, else by range and through the state buffer."""
         primary = not self.hybrid
         shadow = self.rays != "primary"
-        if self.tree is None and len(self.scene.faces) > RANGE:
+        if in_passes(self.scene, self.tree):
             return self._ranged_steps(primary, shadow)
         full = (0, len(self.scene.faces))
         if self.rays == "shadow" and primary:
@@ -139,7 +149,8 @@ class _Planner:
         return [("trace", _Stages(on, "frame", full, last=True))]
 
     def _ranged_steps(self, primary: bool, shadow: bool) -> list[tuple[str, _Stages]]:
-        ranges = [(at, min(at + RANGE, len(self.scene.faces))) for at in range(0, len(self.scene.faces), RANGE)]
+        count, span = len(self.scene.faces), pass_triangles(self.scene)
+        ranges = [(at, min(at + span, count)) for at in range(0, count, span)]
         steps: list[tuple[str, _Stages]] = []
         carried: tuple[str, ...]
         phase = "setup" if self.rays == "shadow" else "frame"
@@ -270,6 +281,7 @@ class _Planner:
             "view_right": ("vec3", view.right.tolist()),
             "view_up": ("vec3", view.up.tolist()),
             "lights": ("vec3", [value for light in self.scene.lights for value in light]),
+            "budget_turns": ("uvec2", [2, 2]),
             "shadow_offset": ("float", [self.scene.diagonal * SHADOW_OFFSET]),
         }
         if self.hybrid:

@@ -37,13 +37,14 @@ def read_records(
     shadow = shadow[cast]
     found = primary[:, 1, 3]
     missed = found == _MISS
+    primitive = np.where(missed, -1, np.where(found == _SEEN, RASTERISED, found.astype(np.int64)))
     reach = np.full(len(pixels), np.finfo(np.float32).max, np.float32)
     return Records(
         size=size,
         primary=Rays(_floats(primary[:, 0, :3]), _floats(primary[:, 1, :3]), reach),
         hits=Hits(
             t=np.where(missed, np.float32(np.inf), _floats(primary[:, 0, 3])),
-            primitive=np.where(missed, -1, np.where(found == _SEEN, RASTERISED, found.astype(np.int64))).astype(np.int32),
+            primitive=primitive.astype(np.int32),
         ),
         shadow=Rays(_floats(shadow[:, 0, :3]), _floats(shadow[:, 1, :3]), _floats(shadow[:, 0, 3])),
         shadow_pixel=pixel.astype(np.int32),
@@ -51,7 +52,7 @@ def read_records(
         occluded=(shadow[:, 1, 3] & 2) != 0,
         primary_counts=_counts(primary),
         shadow_counts=_counts(shadow),
-        cut=np.asarray((pixels[:, :, 3, 1] & 1).any(axis=1)),
+        cut=primary[:, 3, 1] != 0,
         rasterised=rasterised,
     )
 

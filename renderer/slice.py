@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import signal
 import sys
 import time
 from collections.abc import Callable
@@ -27,7 +28,7 @@ from renderer.instrumented import instrumented, refuse_cut
 from renderer.oracle import Oracle
 from renderer.pack.nodes import PackError
 from renderer.plan import VERSION, Plan, PlanError
-from renderer.planner import RANGE
+from renderer.planner import in_passes
 from renderer.prepare import Prepared, prepare
 from renderer.records import COUNTERS, Records
 from renderer.request import Request, RequestError
@@ -144,7 +145,7 @@ def _facts(prepared: Prepared, plan: Plan, records: Records) -> Measurement:
 def _per_ray(prepared: Prepared, records: Records) -> dict[str, float] | None:
     """Means over the rays that are timed; None where brute force ran in passes, which do not carry counters."""
     request = prepared.request
-    if prepared.tree is None and len(prepared.scene.faces) > RANGE:
+    if in_passes(prepared.scene, prepared.tree):
         return None
     counted = []
     if request.rays != "shadow" and not records.rasterised:
@@ -178,6 +179,8 @@ def main() -> None:
     try:
         request = Request.from_json(task["request"])
         with measuring():
+            # Its default action ends the process, whatever a driver is doing.
+            signal.setitimer(signal.ITIMER_REAL, task["timeout_s"])
             answer = measure(request, task["round"])
     except SPOKEN as error:
         answer = {"error": str(error)}

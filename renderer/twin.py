@@ -200,7 +200,7 @@ class Twin:
         if kind in ("float", *_VECTORS):
             member.write(struct.pack(f"<{len(values)}f", *values))
         else:
-            code = "I" if kind == "uint" else "i"
+            code = "I" if kind in ("uint", "uvec2") else "i"
             member.write(struct.pack(f"<{len(values)}{code}", *(int(value) for value in values)))
 
 

@@ -4,7 +4,7 @@ uniform vec3 root_lower;
 uniform vec3 root_upper;
 
 float plane_t(uint axis, float plane) {
-    float from = axis == 1u ? slab_exit_origin.x : axis == 2u ? slab_exit_origin.y : slab_exit_origin.z;
+    float from = axis == 1u ? slab_origin.x : axis == 2u ? slab_origin.y : slab_origin.z;
     float inverse = axis == 1u ? slab_inverse.x : axis == 2u ? slab_inverse.y : slab_inverse.z;
     PRECISE float t = (plane - from) * inverse;
     return t;
@@ -18,5 +18,4 @@ void intersect_refs(uint first, uint count) {
         intersect(node_ref(first + i));
         i += 1u;
     }
-    cut = cut || i != count;
 }

@@ -1,4 +1,4 @@
-// The triangles of one leaf; `cut` tells if the loop was stopped early.
+// The triangles of one leaf.
 void intersect_slots(uint first, uint count) {
     uint slot = first;
     while (slot < first + count) {
@@ -6,5 +6,4 @@ void intersect_slots(uint first, uint count) {
         intersect(slot);
         slot += 1u;
     }
-    cut = cut || slot != first + count;
 }

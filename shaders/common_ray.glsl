@@ -7,7 +7,6 @@ vec3 ray_direction;
 float hit_t;       // the ray's reach until something nearer is hit
 uint hit_slot;     // where the hit triangle lies in the primitive buffer
 uint hit_id;       // which triangle of the scene it is; NO_PRIMITIVE for a miss
-bool cut = false;  // a loop ended before its work was done (Mesa 22 stops an invocation after 65,535 iterations)
 
 #if INSTRUMENT
 uvec4 counted;       // nodes fetched, inner nodes visited, leaves visited, triangles tested

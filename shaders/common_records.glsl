@@ -13,5 +13,9 @@ void record_ray(uint at, float t, uint found) {
     records[at] = uvec4(floatBitsToUint(ray_origin), floatBitsToUint(t));
     records[at + 1u] = uvec4(floatBitsToUint(ray_direction), found);
     records[at + 2u] = counted;
-    records[at + 3u] = uvec4(counted_words, uint(cut), 0u, 0u);
+    records[at + 3u] = uvec4(counted_words, 0u, 0u, 0u);
+}
+
+void record_cut(uint at, bool cut) {
+    records[at + 3u].y = uint(cut);
 }

@@ -1,5 +1,5 @@
 // What every layout becomes when nothing shades with vertex normals: three padded vertices, the id in the padding.
-const int TRIANGLE_WORDS = 12;
+const int TRIANGLE_WORDS = 10;
 layout(std430, binding = 1) readonly restrict buffer Primitives { uvec4 primitives[]; };
 
 void fetch_triangle(uint slot, out vec3 a, out vec3 b, out vec3 c, out uint id) {

@@ -1,6 +1,6 @@
 // The paper's second layout (section 3.1): the first normal fills the padding of the three vertices, the id that of
 // the second normal.
-const int TRIANGLE_WORDS = 13;
+const int TRIANGLE_WORDS = 10;
 const int NORMAL_WORDS = 9;
 layout(std430, binding = 1) readonly restrict buffer Primitives { uvec4 primitives[]; };
 

@@ -1,6 +1,6 @@
 // The paper's first layout (section 3.1): three vertices, then three normals, each a padded vec3; the id in the padding.
-const int TRIANGLE_WORDS = 12;
-const int NORMAL_WORDS = 12;
+const int TRIANGLE_WORDS = 10;
+const int NORMAL_WORDS = 9;
 layout(std430, binding = 1) readonly restrict buffer Primitives { uvec4 primitives[]; };
 
 void fetch_triangle(uint slot, out vec3 a, out vec3 b, out vec3 c, out uint id) {

@@ -1,6 +1,6 @@
 // The paper's third layout (section 3.1): vertices and normals in buffers of their own; the id in the padding.
-const int TRIANGLE_WORDS = 12;
-const int NORMAL_WORDS = 12;
+const int TRIANGLE_WORDS = 10;
+const int NORMAL_WORDS = 9;
 layout(std430, binding = 1) readonly restrict buffer Primitives { uvec4 primitives[]; };
 layout(std430, binding = 2) readonly restrict buffer Normals { uvec4 normals[]; };
 

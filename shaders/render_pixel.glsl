@@ -1,6 +1,8 @@
 // One pixel, Whitted's way (paper section 3.1): a primary ray, then a shadow ray to each light from every hit, none
 // skipped for facing away. STAGE_PRIMARY and STAGE_SHADOW say which rays this pass traces; STATE_HITS, STATE_HIDDEN and
 // STATE_OUT say what of the rest it takes from and leaves to other passes.
+#include "common_budget.glsl"
+
 uniform vec3 lights[LIGHTS];
 uniform float shadow_offset;
 
@@ -26,6 +28,7 @@ const float FARTHEST = 3.4028235e38;
 
 vec4 render_pixel(ivec2 pixel) {
     uint hidden = 0u;
+    bool cut = false;
     begin_ray(eye, view_direction(pixel), FARTHEST);
 #if STATE_HITS || STATE_HIDDEN
     uvec4 known = state[pixel.y * image_size.x + pixel.x];
@@ -76,6 +79,10 @@ vec4 render_pixel(ivec2 pixel) {
 #endif
         light += max(dot(surface_shading, towards), 0.0) * float(1u - ((hidden >> l) & 1u));
     }
+    cut = cut || budget_spent();
+#if INSTRUMENT
+    record_cut(at, cut);
+#endif
 #if STATE_OUT
     state[pixel.y * image_size.x + pixel.x] = uvec4(found, hidden | (uint(cut) << 31));
 #endif

@@ -11,5 +11,4 @@ void trace(const bool any_hit) {
         slot += 1u;
         done = slot >= range_last || (any_hit && hit_id != NO_PRIMITIVE);
     }
-    cut = cut || !done;
 }

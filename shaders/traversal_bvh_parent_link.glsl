@@ -32,12 +32,10 @@ void trace(const bool any_hit) {
                 high.w = node_links(node);
                 up = node != 0u && !is_near(node, high);
             }
-            cut = cut || up;
             done = !down && node == 0u;
             node = down ? near : node ^ 1u;
         }
         intersect_slots(first, count);
         done = done || (any_hit && hit_id != NO_PRIMITIVE);
     }
-    cut = cut || !done;
 }

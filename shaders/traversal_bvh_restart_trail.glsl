@@ -35,14 +35,12 @@ void trace(const bool any_hit) {
             COUNT_VISIT(true, 0u);
             walking = !popping && node_axis(uvec4(link)) != LEAF;
         }
-        cut = cut || walking;
         uvec4 leaf = uvec4(link);
-        uint count = popping || cut ? 0u : node_count(leaf);
+        uint count = popping ? 0u : node_count(leaf);
         COUNT_VISIT(false, count);
         intersect_slots(node_first(leaf), count);
         // `level` is one below the level whose choice was just finished.
         pop_level = trail_pop(min(level + 1, TRAIL_TOP));
         done = trail_over() || node_axis(root) == LEAF || (any_hit && hit_id != NO_PRIMITIVE);
     }
-    cut = cut || !done;
 }

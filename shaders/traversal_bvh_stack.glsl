@@ -32,5 +32,4 @@ void trace(const bool any_hit) {
         intersect_slots(first, count);
         node = any_hit && hit_id != NO_PRIMITIVE ? STACK_END : node;
     }
-    cut = cut || node != STACK_END;
 }

@@ -23,9 +23,8 @@ void trace(const bool any_hit) {
             words = node_chunk(node, 0u).xy;
             axis = node_axis(words);
         }
-        cut = cut || axis != LEAF;
         COUNT_LEAF;
-        intersect_refs(node_first(words), cut ? 0u : node_count(words));
+        intersect_refs(node_first(words), node_count(words));
         done = hit_t < t1 || t1 >= scene_exit || (any_hit && hit_id != NO_PRIMITIVE);
         t0 = t1;
         COUNT_WORDS(1);
@@ -38,7 +37,5 @@ void trace(const bool any_hit) {
             t1 = slab_exit(node_lower(low), node_upper(node_chunk(node, 2u)));
             done = node == 0u && t1 <= t0;
         }
-        cut = cut || !(done || t1 > t0);
     }
-    cut = cut || !done;
 }

@@ -27,12 +27,10 @@ void trace(const bool any_hit) {
             words = node_chunk(node, 0u);
             axis = node_axis(words);
         }
-        cut = cut || axis != LEAF;
         COUNT_LEAF;
-        intersect_refs(node_first(words), cut ? 0u : node_count(words));
+        intersect_refs(node_first(words), node_count(words));
         // Equal t may hide a smaller id in the next leaf, hence the strict test.
         done = hit_t < t1 || t1 >= scene_exit || (any_hit && hit_id != NO_PRIMITIVE);
         t0 = t1;
     }
-    cut = cut || !done;
 }

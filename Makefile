@@ -1,0 +1,41 @@
+# Plain `make` sets up .venv with `rayfarm` in it; `make run` and `make test` do so first.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check -q install -c constraints.txt
+ARGS ?=
+
+.PHONY: all run test check benchmark clean
+
+all: $(VENV)/.ready
+
+run: $(VENV)/.ready
+	$(BIN)/rayfarm up $(ARGS)
+
+test: $(VENV)/.ready-to-test
+	$(MAKE) check
+	$(BIN)/pytest $(ARGS)
+
+check: $(VENV)/.ready-to-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+benchmark: $(VENV)/.ready-to-test
+	$(BIN)/python -m benchmarks $(ARGS)
+
+clean:
+	rm -rf $(VENV) var build dist *.egg-info
+
+$(VENV)/.ready: pyproject.toml constraints.txt tools/system_packages.sh
+	tools/system_packages.sh run
+	$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11) and 'RayFarm needs Python 3.11 or later: make PYTHON=python3.11')"
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(PIP) pip setuptools
+	$(PIP) --no-build-isolation -e .
+	touch $@
+
+$(VENV)/.ready-to-test: $(VENV)/.ready
+	tools/system_packages.sh test
+	$(PIP) --no-build-isolation -e '.[test]'
+	touch $@

@@ -1,0 +1,30 @@
+#!/usr/bin/env bash
+# Installs the system packages that are missing, for `run` or for `test`; asks for root only if something is missing.
+set -euo pipefail
+
+library() { ldconfig -p | grep -q "$1"; }
+program() { command -v "$1" >/dev/null 2>&1; }
+
+wanted=()
+library libEGL.so.1 || wanted+=(libegl1)
+library libGL.so.1 || wanted+=(libgl1)
+compgen -G "/usr/share/glvnd/egl_vendor.d/*" >/dev/null || wanted+=(libegl-mesa0)
+compgen -G "/usr/lib/*/dri/swrast_dri.so" >/dev/null || library libgallium || wanted+=(libgl1-mesa-dri)
+python3 -c "import ensurepip, venv" 2>/dev/null || wanted+=(python3-venv)
+if [ "${1:-run}" = test ]; then
+    program glslangValidator || wanted+=(glslang-tools)
+    if ! program chromium && ! program google-chrome; then wanted+=(chromium chromium-driver); fi
+fi
+[ "${#wanted[@]}" -gt 0 ] || exit 0
+
+if ! program apt-get; then
+    echo "These packages are missing and there is no apt-get here: ${wanted[*]}. Install their like, then run make again." >&2
+    exit 1
+fi
+as_root=()
+if [ "$(id -u)" -ne 0 ]; then
+    echo "Installing ${wanted[*]} needs root." >&2
+    as_root=(sudo)
+fi
+"${as_root[@]}" apt-get update -qq
+"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${wanted[@]}" >/dev/null
