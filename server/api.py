@@ -1,0 +1,117 @@
+"""The API under /api/v1: jobs, studies, scenes. Comparison is in `server.api_compare`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Query, Request, Response
+from sqlalchemy import select
+
+from server.bodies import JobBody, StudyBody
+from server.problems import Problem
+from server.queue import end_job
+from server.scene_list import is_here, list_scenes, require_scene
+from server.store.database import Database
+from server.store.models import Job
+from server.store.records import add_job, add_study
+from server.store.states import OPEN, State
+from server.studies import plan_study
+from server.views import MAX_ID, find_job, find_study, job_line, job_view, study_view
+
+router = APIRouter(prefix="/api/v1")
+
+
+def database_of(request: Request) -> Database:
+    """The database of the app that a request came to."""
+    database = request.app.state.database
+    assert isinstance(database, Database)
+    return database
+
+
+@router.post("/jobs", status_code=201)
+def create_job(body: JobBody, request: Request, response: Response) -> dict[str, Any]:
+    """Queue one variant on one scene."""
+    asked = body.to_request()
+    require_scene(asked.scene)
+    with database_of(request).writing() as session:
+        job = add_job(session, asked)
+        response.headers["Location"] = f"/api/v1/jobs/{job.id}"
+        return job_view(job)
+
+
+@router.get("/jobs")
+def list_jobs(
+    request: Request,
+    state: State | None = None,
+    study: int | None = Query(None, ge=1, le=MAX_ID),
+    scene: str | None = None,
+    before: int | None = Query(None, ge=1, le=MAX_ID, description="only jobs with a smaller id"),
+    limit: int = Query(100, ge=1, le=1000),
+) -> dict[str, Any]:
+    """Jobs, the newest first; `next` is the address of the next page or null."""
+    wanted = {Job.state: state, Job.study_id: study, Job.scene: scene}
+    query = select(Job).order_by(Job.id.desc()).limit(limit + 1)
+    query = query.where(*(column == value for column, value in wanted.items() if value is not None))
+    if before is not None:
+        query = query.where(Job.id < before)
+    with database_of(request).reading() as session:
+        jobs = session.scalars(query).all()
+        more = len(jobs) > limit
+        url = request.url.include_query_params(before=jobs[limit - 1].id) if more else None
+        return {"jobs": [job_line(job) for job in jobs[:limit]], "next": url and f"{url.path}?{url.query}"}
+
+
+@router.get("/jobs/{job_id}")
+def read_job(job_id: str, request: Request) -> dict[str, Any]:
+    """One job with its state, its history and its result."""
+    with database_of(request).reading() as session:
+        return job_view(find_job(session, job_id))
+
+
+@router.post("/jobs/{job_id}/cancel")
+def cancel_job(job_id: str, request: Request) -> dict[str, Any]:
+    """Cancel a queued or running job; a slice that is being measured is finished and dropped."""
+    with database_of(request).writing() as session:
+        job = find_job(session, job_id)
+        if job.state not in OPEN:
+            raise Problem(409, f"Job {job_id} is {job.state}: only a queued or running job can be cancelled.")
+        end_job(session, job, "cancelled", "Cancelled on request.")
+        session.flush()
+        session.expire(job)
+        return job_view(job)
+
+
+@router.post("/studies", status_code=201)
+def create_study(body: StudyBody, request: Request, response: Response) -> dict[str, Any]:
+    """Queue a matrix of variants over scenes; the answer lists what was left out, with reasons."""
+    planned = plan_study(body.to_study(), require_scene, is_here)
+    posted = body.model_dump(mode="json", exclude_none=True)
+    with database_of(request).writing() as session:
+        study = add_study(session, body.name, posted, planned.requests, planned.refused)
+        session.flush()
+        response.headers["Location"] = f"/api/v1/studies/{study.id}"
+        return study_view(session, study)
+
+
+@router.get("/studies/{study_id}")
+def read_study(study_id: str, request: Request) -> dict[str, Any]:
+    """One study with its progress."""
+    with database_of(request).reading() as session:
+        return study_view(session, find_study(session, study_id))
+
+
+@router.post("/studies/{study_id}/cancel")
+def cancel_study(study_id: str, request: Request) -> dict[str, Any]:
+    """Cancel what of a study is still queued or running."""
+    with database_of(request).writing() as session:
+        study = find_study(session, study_id)
+        for job in session.scalars(select(Job).where(Job.study_id == study.id, Job.state.in_(OPEN))):
+            end_job(session, job, "cancelled", "Cancelled with its study.")
+        session.flush()
+        return study_view(session, study)
+
+
+@router.get("/scenes")
+def read_scenes() -> dict[str, Any]:
+    """The catalogue."""
+    return {"scenes": list_scenes()}

@@ -1,0 +1,70 @@
+"""GET /api/v1/compare: results side by side, as JSON or CSV."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Request
+from fastapi.responses import JSONResponse, Response
+
+from server.api import database_of
+from server.compare import Cell, CompareError, Comparison
+from server.metrics import Figure
+from server.selection import Selection, load_comparison, read_selection
+
+router = APIRouter(prefix="/api/v1")
+
+
+@router.get("/compare")
+def read_comparison(request: Request) -> Response:
+    """Filters: scene, device, study and every axis, each with one or more values. `metric`, `rows`, `cols`, `sort`.
+
+    `format=csv` gives one line a result, `_` between levels; with `shape=table` the metric's table.
+    """
+    params = request.query_params
+    form = _choice("format", params.get("format") or "json", ("json", "csv"))
+    shape = _choice("shape", params.get("shape") or "long", ("long", "table"))
+    selection = read_selection(params)
+    table = load_comparison(database_of(request), selection)
+    if form == "json":
+        return JSONResponse(comparison_view(table, selection))
+    text = table.pivot().to_csv() if shape == "table" else table.frame().to_csv(index=False)
+    return Response(text, media_type="text/csv; charset=utf-8")
+
+
+def comparison_view(table: Comparison, selection: Selection) -> dict[str, Any]:
+    """A comparison as plain JSON."""
+    return {
+        "metric": {"key": table.metric.key, "label": table.metric.label, "unit": table.metric.unit},
+        "better": table.metric.better,
+        "rows": list(table.rows),
+        "columns": list(table.columns),
+        "column_keys": [dict(zip(table.columns, key, strict=True)) for key in table.column_keys],
+        "table": [
+            {"key": dict(zip(table.rows, key, strict=True)), "cells": [cell and _cell_view(cell) for cell in line]}
+            for key, line in zip(table.row_keys, table.cells, strict=True)
+        ],
+        "notes": table.notes,
+        "results": len(table.flat),
+        "page": f"/?{selection.query()}".rstrip("?"),
+    }
+
+
+def _cell_view(cell: Cell) -> dict[str, Any]:
+    return {
+        "job": cell.row["job"],
+        "count": cell.count,
+        "differs": list(cell.differs),
+        "figures": {key: _figure_view(figure) for key, figure in cell.figures.items()},
+        "result": cell.row,
+    }
+
+
+def _figure_view(figure: Figure) -> dict[str, float | None]:
+    return {"value": figure.value, "low": figure.low, "high": figure.high}
+
+
+def _choice(name: str, value: str, allowed: tuple[str, ...]) -> str:
+    if value not in allowed:
+        raise CompareError(f"Unknown {name} {value!r}: choose one of {', '.join(allowed)}.")
+    return value

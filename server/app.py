@@ -1,0 +1,52 @@
+"""The FastAPI application: API, pages, health."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI, Request
+from fastapi.responses import Response
+from sqlalchemy.exc import SQLAlchemyError
+
+from server import api, api_compare, problems
+from server.dashboard import pages
+from server.guard import Guard
+from server.problems import Problem
+from server.settings import Settings
+from server.store.database import Database
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """The application on the settings' database, which it opens at start-up and closes at the end."""
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        app.state.database = Database(settings.database_url)
+        try:
+            yield
+        finally:
+            app.state.database.close()
+
+    app = FastAPI(title="RayFarm", lifespan=lifespan, openapi_url="/api/v1/openapi.json", docs_url=None, redoc_url=None)
+    app.include_router(api.router)
+    app.include_router(api_compare.router)
+    pages.install(app)
+    problems.install(app)
+    app.add_middleware(Guard, allowed_hosts=settings.allowed_hosts)
+
+    @app.get("/livez", include_in_schema=False)
+    def livez() -> Response:
+        """The process answers."""
+        return Response("ok\n", media_type="text/plain")
+
+    @app.get("/readyz", include_in_schema=False)
+    def readyz(request: Request) -> Response:
+        """The database answers."""
+        try:
+            api.database_of(request).check()
+        except SQLAlchemyError as error:
+            raise Problem(503, "The database does not answer.") from error
+        return Response("ok\n", media_type="text/plain")
+
+    return app

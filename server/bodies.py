@@ -1,0 +1,145 @@
+"""What clients may send: bodies checked field by field, and turned into requests."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from renderer.build.tree import SahCosts
+from renderer.request import Check, Request, parse_size
+from renderer.variant import Variant
+from scenes.scene import Camera
+from server.studies import STUDIES, Study, StudyError, require_study, with_changes
+
+Coordinate = Annotated[float, Field(allow_inf_nan=False, ge=-1e9, le=1e9)]
+Place = tuple[Coordinate, Coordinate, Coordinate]
+Name = Annotated[str, Field(min_length=1, max_length=200)]
+
+
+def _read_size(value: Any) -> Any:
+    if isinstance(value, int) and not isinstance(value, bool):
+        return (value, value)
+    return parse_size(value) if isinstance(value, str) else value
+
+
+def _read_switch(value: Any) -> Any:
+    return {"on": True, "off": False}.get(value, value) if isinstance(value, str) else value
+
+
+def _read_words(value: Any) -> Any:
+    return [word.strip() for word in value.split(",") if word.strip()] if isinstance(value, str) else value
+
+
+def _read_costs(value: Any) -> Any:
+    if not isinstance(value, str):
+        return value
+    parts = value.split(",")
+    if len(parts) != 2:
+        raise ValueError(f"The SAH costs {value!r} are not understood: write them as 3.0,1.5.")
+    return {"traversal": parts[0], "intersection": parts[1]}
+
+
+class Body(BaseModel):
+    """A body without fields that do not exist."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class CostsBody(Body):
+    """The SAH's two costs."""
+
+    traversal: float = 3.0
+    intersection: float = 1.5
+
+
+class CameraBody(Body):
+    """A camera that replaces the scene's own; `fov` is the vertical field of view in degrees."""
+
+    eye: Place
+    target: Place
+    fov: float = Field(gt=0, lt=180)
+    up: Place = (0.0, 1.0, 0.0)
+
+    @model_validator(mode="after")
+    def _looks_somewhere(self) -> CameraBody:
+        view = np.subtract(self.target, self.eye)
+        if not np.linalg.norm(np.cross(view, self.up)) > 1e-9 * np.linalg.norm(view) * np.linalg.norm(self.up):
+            raise ValueError("The camera looks nowhere: its eye, target and up must not lie on one line.")
+        return self
+
+
+Size = Annotated[tuple[int, int], BeforeValidator(_read_size)]
+Switch = Annotated[bool, BeforeValidator(_read_switch)]
+Words = Annotated[list[Name], BeforeValidator(_read_words)]
+Costs = Annotated[CostsBody, BeforeValidator(_read_costs)]
+
+
+class JobBody(Body):
+    """One variant on one scene; the names are those of a result."""
+
+    scene: Name
+    traversal: str = "bvh-stack"
+    method: str = "fragment"
+    layout: str = "normal"
+    intersector: str = "moller-trumbore"
+    box: str = "widened"
+    nodes: str = "f32"
+    precision: str = "highp"
+    offset: str = "constant"
+    builder: str = "sah"
+    size: Size = (1024, 1024)
+    frames: int = 9
+    rounds: int | None = None
+    rays: str = "both"
+    sah: Costs = CostsBody()
+    check: Check = "referee"
+    vs_embree: Switch = False
+    specialise: Switch = True
+    camera: CameraBody | None = None
+
+    def to_request(self) -> Request:
+        """The request; raise RequestError with one sentence when it cannot be measured."""
+        axes = {axis: getattr(self, axis) for axis in Variant().as_dict()}
+        return Request(
+            scene=self.scene,
+            variant=Variant(**axes),
+            size=self.size,
+            frames=self.frames,
+            rounds=min(3, max(1, self.frames)) if self.rounds is None else self.rounds,
+            rays=self.rays,
+            costs=SahCosts(self.sah.traversal, self.sah.intersection),
+            check=self.check,
+            vs_embree=self.vs_embree,
+            specialise=self.specialise,
+            camera=Camera(**self.camera.model_dump()) if self.camera else None,
+        )
+
+
+class StudyBody(Body):
+    """A named study, changed where a field is given; or scenes and axes under any name."""
+
+    name: Name = "study"
+    scenes: Words | None = None
+    axes: dict[str, Words] | None = None
+    size: Size | None = None
+    frames: int | None = None
+    rounds: int | None = None
+    rays: str | None = None
+    sah: Costs | None = None
+    check: Check | None = None
+    vs_embree: Switch | None = None
+    specialise: Switch | None = None
+
+    def to_study(self) -> Study:
+        """The study; raise StudyError when it is neither a named one nor names scenes."""
+        if self.scenes is not None and not self.scenes:
+            raise StudyError("The study names no scene: give at least one.")
+        named = self.name in STUDIES or self.scenes is None
+        study = require_study(self.name) if named else Study(scenes=())
+        if self.scenes is not None:
+            study = with_changes(study, scenes=tuple(self.scenes), optional_scenes=())
+        fields = ("axes", "size", "frames", "rounds", "rays", "check", "vs_embree", "specialise")
+        costs = SahCosts(self.sah.traversal, self.sah.intersection) if self.sah else None
+        return with_changes(study, costs=costs, **{name: getattr(self, name) for name in fields})

@@ -1,0 +1,88 @@
+"""`rayfarm study NAME`: a named study, here or on a service."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from renderer.bench import SliceError, run_jobs
+from renderer.request import Request, parse_size
+from server.api_compare import comparison_view
+from server.cli_common import Client, ClientError, JsonFlag, make_console
+from server.cli_submit import SOME_FAILED, show_study
+from server.cli_table import print_comparison
+from server.compare import compare
+from server.flat import Stored
+from server.scene_list import is_here, require_scene
+from server.selection import Selection
+from server.store.models import now
+from server.studies import Planned, plan_study, require_study, with_changes
+
+Json = dict[str, Any]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command()(study)
+
+
+def study(
+    name: Annotated[str, typer.Argument(help="A named study, as demo.")],
+    size: Annotated[str | None, typer.Option(help="W or WxH, in pixels.")] = None,
+    frames: Annotated[int | None, typer.Option(help="Timed frames over all rounds.")] = None,
+    rounds: Annotated[int | None, typer.Option(help="Rounds, each in fresh processes.")] = None,
+    output: Annotated[Path | None, typer.Option(help="Write the results there, one JSON document a line.")] = None,
+    server: Annotated[str | None, typer.Option(help="Run it on a service instead of here.")] = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Run a named study here, or with --server on a service, and compare its results."""
+    if server is not None:
+        if output is not None:
+            raise ClientError("--output is for studies that run here: leave it out with --server.")
+        given = {"size": size, "frames": frames, "rounds": rounds}
+        body = {"name": name} | {key: value for key, value in given.items() if value is not None}
+        with Client(server) as client:
+            raise typer.Exit(show_study(client, client.post("studies", body), as_json))
+    changes = {"size": parse_size(size) if size else None, "frames": frames, "rounds": rounds}
+    planned = plan_study(with_changes(require_study(name), **changes), require_scene, is_here)
+    results = _run_here(planned, Console(stderr=True))
+    documents = [result for result in results if not isinstance(result, SliceError)]
+    if output is not None:
+        output.write_text("".join(json.dumps(document) + "\n" for document in documents), encoding="utf-8")
+    _report(documents, as_json)
+    _tell_failures(planned, results)
+
+
+def _run_here(planned: Planned, console: Console) -> list[Json | SliceError]:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("slices"))
+    with Progress(*columns, TimeElapsedColumn(), console=console) as progress:
+        task = progress.add_task("", total=sum(request.rounds for request in planned.requests))
+
+        def show(request: Request, round_index: int) -> None:
+            text = f"{request.scene}, {request.variant.label}, round {round_index + 1}"
+            progress.update(task, description=text, advance=1)
+
+        return run_jobs(planned.requests, show)
+
+
+def _report(documents: list[Json], as_json: bool) -> None:
+    """Print the comparison; as JSON the documents, one a line."""
+    if as_json:
+        for document in documents:
+            print(json.dumps(document))
+        return
+    stored = [Stored(index + 1, None, now().isoformat(), document) for index, document in enumerate(documents)]
+    print_comparison(comparison_view(compare(stored[::-1], Selection().metric), Selection()), make_console())
+
+
+def _tell_failures(planned: Planned, results: list[Json | SliceError]) -> None:
+    failed = [(r, e) for r, e in zip(planned.requests, results, strict=True) if isinstance(e, SliceError)]
+    for request, error in failed:
+        typer.echo(f"{request.scene}, {request.variant.label}: {error}", err=True)
+    if failed:
+        raise typer.Exit(SOME_FAILED)

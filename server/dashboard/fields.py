@@ -1,0 +1,35 @@
+"""A result's fields for its page, grouped as DESIGN.md names them."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from server.figures import NOT_MEASURED
+
+Field = tuple[str, str, bool]
+
+
+def result_fields(document: dict[str, Any]) -> list[tuple[str, list[Field]]]:
+    """Groups of (name, text, whether it was measured); the document's plain fields come first."""
+    plain = {key: value for key, value in document.items() if not isinstance(value, dict)}
+    groups = [("result", plain), *((key, value) for key, value in document.items() if isinstance(value, dict))]
+    return [(name, [_field(key, value) for key, value in fields.items()]) for name, fields in groups]
+
+
+def _field(name: str, value: Any) -> Field:
+    if value is None:
+        return name, NOT_MEASURED, False
+    return name, _text(value), True
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, float):
+        return f"{value:,.6g}"
+    if isinstance(value, int) and not isinstance(value, bool):
+        return f"{value:,}"
+    if isinstance(value, list):
+        return ", ".join(_text(item) for item in value) or "none"
+    return json.dumps(value)

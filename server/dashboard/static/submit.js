@@ -1,0 +1,28 @@
+// Sends the form as JSON and goes to the new study's page; a refusal's sentence is shown as it is.
+const PLAIN = ["size", "frames", "rounds", "rays", "check"];
+const form = document.getElementById("submit");
+const problem = document.getElementById("problem");
+
+function body() {
+  const data = new FormData(form);
+  const names = new Set([...form.querySelectorAll("fieldset input")].map((input) => input.name));
+  names.delete("scenes");
+  const axes = Object.fromEntries([...names].map((name) => [name, data.getAll(name)]));
+  const plain = Object.fromEntries(PLAIN.map((name) => [name, data.get(name)]));
+  return { name: "from the page", scenes: data.getAll("scenes"), axes, ...plain, vs_embree: data.has("vs_embree") };
+}
+
+form.addEventListener("submit", async (event) => {
+  event.preventDefault();
+  problem.hidden = true;
+  const answer = await fetch("/api/v1/studies", {
+    method: "POST",
+    headers: { "Content-Type": "application/json" },
+    body: JSON.stringify(body()),
+  });
+  const result = await answer.json();
+  if (answer.ok) return location.assign(`/studies/${result.id}`);
+  problem.textContent = result.detail;
+  problem.hidden = false;
+  problem.scrollIntoView();
+});

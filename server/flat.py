@@ -1,0 +1,64 @@
+"""Result documents as flat rows, `_` between levels, and as a pandas table."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from renderer.variant import AXES
+
+COLUMNS = (
+    *("job", "study", "recorded_at", "scene", "family", "triangles"),
+    *("device_id", "device_kind", "device_name", "device_driver", "device_threads"),
+    *AXES,
+    *("sah_traversal", "sah_intersection", "sah_cost", "size", "frames"),
+    *("frame_ms_median", "frame_ms_ci_low", "frame_ms_ci_high", "fps", "mrays_per_s", "mrays_per_cpu_s"),
+    *("rays_kind", "rays_timed", "rays_primary", "rays_shadow", "structure_bytes", "primitive_bytes", "build_ms"),
+    *("per_ray_nodes", "per_ray_inner", "per_ray_leaves", "per_ray_triangles", "per_ray_bytes", "per_ray_lines"),
+    *("overflows", "error_false_hit", "error_false_miss", "error_edge", "error_wrong_primitive"),
+    *("error_t_rel_p99", "error_t_rel_max", "error_t_ulp_max", "error_shadow_mismatch", "error_flip"),
+    *("vs_embree_mrays_per_cpu_s", "vs_embree_ratio"),
+    *("versions_rayfarm", "versions_shader_sha", "versions_plan", "started_at"),
+)
+"""The columns that every table has, in their order; further fields of a document follow them."""
+
+OBJECTS = ("device", "sah", "frame_ms", "rays", "per_ray", "error", "vs_embree", "versions")
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A result with what the store knows about it."""
+
+    job: int
+    study: int | None
+    recorded_at: str
+    document: dict[str, Any]
+
+
+def flatten(stored: Stored) -> dict[str, Any]:
+    """One result as a flat row; `size` becomes `WxH`, lists become JSON text."""
+    row: dict[str, Any] = {"job": stored.job, "study": stored.study, "recorded_at": stored.recorded_at}
+    _flatten_into(row, "", {key: value for key, value in stored.document.items() if key != "size"})
+    row["size"] = "x".join(str(side) for side in stored.document.get("size") or ())
+    return row
+
+
+def to_frame(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
+    """Flat rows as a table with all of COLUMNS, what was not measured empty."""
+    extra = dict.fromkeys(key for row in rows for key in row if key not in COLUMNS)
+    return pd.DataFrame.from_records(list(rows), columns=[*COLUMNS, *extra])
+
+
+def _flatten_into(row: dict[str, Any], prefix: str, value: dict[str, Any]) -> None:
+    for key, item in value.items():
+        name = f"{prefix}{key}"
+        if isinstance(item, dict):
+            _flatten_into(row, f"{name}_", item)
+        elif isinstance(item, list):
+            row[name] = json.dumps(item)
+        elif item is not None or name not in OBJECTS:
+            row[name] = item

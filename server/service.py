@@ -1,0 +1,123 @@
+"""Running the service: a listening socket, uvicorn, and a worker beside it."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+import uvicorn
+
+from server import processes
+from server.app import create_app
+from server.settings import Settings
+from server.store.database import Database
+
+RESTART_S = 2.0
+
+
+class ServiceError(ValueError):
+    """A service that cannot start; the message is one sentence that says what to do."""
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A listening socket; port 0 takes a free one."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    sock = socket.socket(family, socket.SOCK_STREAM)
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        sock.bind((host.strip("[]"), port))
+        sock.listen(128)
+    except OSError as error:
+        sock.close()
+        reason = (error.strerror or str(error)).lower()
+        raise ServiceError(f"Cannot listen at {host}:{port} ({reason}): choose another --port.") from error
+    return sock
+
+
+def address(sock: socket.socket) -> str:
+    """The service's address on a listening socket."""
+    host, port = sock.getsockname()[:2]
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
+def make_server(settings: Settings, log_level: str = "warning") -> uvicorn.Server:
+    """A uvicorn server of the application, to be run on a socket from `listen`."""
+    config = uvicorn.Config(create_app(settings), log_level=log_level, server_header=False, timeout_graceful_shutdown=3)
+    return uvicorn.Server(config)
+
+
+@contextmanager
+def running(settings: Settings, sock: socket.socket, with_worker: bool) -> Iterator[None]:
+    """The service on `sock`, with a worker beside it where asked for; both end with the block.
+
+    Raise DatabaseError when the database cannot be opened, ServiceError when the server does not start.
+    """
+    Database(settings.database_url).close()
+    server = make_server(settings)
+    serving = threading.Thread(target=server.run, kwargs={"sockets": [sock]}, name="server")
+    keeper = WorkerKeeper() if with_worker else None
+    serving.start()
+    try:
+        _wait_until_started(server, serving)
+        if keeper is not None:
+            keeper.start()
+        yield
+    finally:
+        if keeper is not None:
+            keeper.stop()
+        server.should_exit = True
+        serving.join()
+        sock.close()
+
+
+def wait_for_end() -> None:
+    """Wait for SIGTERM or SIGINT."""
+    ended = threading.Event()
+
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        ended.set()
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, handle)
+    ended.wait()
+
+
+def _wait_until_started(server: uvicorn.Server, serving: threading.Thread) -> None:
+    while not server.started:
+        if not serving.is_alive():
+            raise ServiceError("The server did not start: its log says why.")
+        time.sleep(0.02)
+
+
+class WorkerKeeper:
+    """Keeps one worker process running, and starts another when it ends."""
+
+    def __init__(self) -> None:
+        self._stop = threading.Event()
+        # The worker ends with the thread that started it (PR_SET_PDEATHSIG), so this thread lives as long as it.
+        self._thread = threading.Thread(target=self._run, name="worker-keeper")
+
+    def start(self) -> None:
+        """Start the worker."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the worker, if it was started, and wait for it."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            child = processes.start_verb("worker", "--quiet")
+            while child.poll() is None and not self._stop.wait(0.2):
+                pass
+            if self._stop.is_set():
+                processes.stop(child)
+                return
+            self._stop.wait(RESTART_S)

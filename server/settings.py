@@ -1,0 +1,58 @@
+"""The service's settings, read from the environment with the prefix `RAYFARM_`."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+from platformdirs import user_data_path
+from pydantic import Field, ValidationError
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+
+class SettingsError(ValueError):
+    """A setting that cannot be used; the message is one sentence that names it."""
+
+
+def data_folder() -> Path:
+    """The folder for what the service keeps, per user."""
+    return user_data_path("rayfarm", appauthor=False)
+
+
+def _default_database() -> str:
+    return f"sqlite:///{data_folder() / 'rayfarm.sqlite'}"
+
+
+def _default_blobs() -> Path:
+    return data_folder() / "blobs"
+
+
+class Settings(BaseSettings):
+    """Where the service listens and where it keeps things.
+
+    `database_url` is an SQLAlchemy URL. `blobs` is the folder of the blob store. `allowed_hosts` are the names under
+    which the service may be addressed. `slice_timeout_s` bounds one slice, `lease_s` is how long a worker that shows
+    no sign of life keeps its slice; both in seconds.
+    """
+
+    model_config = SettingsConfigDict(env_prefix="RAYFARM_")
+
+    database_url: str = Field(default_factory=_default_database)
+    blobs: Path = Field(default_factory=_default_blobs)
+    host: str = "127.0.0.1"
+    port: int = Field(default=8710, ge=0, le=65535)
+    allowed_hosts: tuple[str, ...] = ("localhost", "127.0.0.1", "[::1]")
+    slice_timeout_s: float = Field(default=900.0, gt=0)
+    lease_s: float = Field(default=60.0, gt=0)
+    server: str = Field(default="http://127.0.0.1:8710", description="where the CLI's verbs find the service")
+
+
+@lru_cache(maxsize=1)
+def settings() -> Settings:
+    """The settings of this process; raise SettingsError naming the first variable that is wrong."""
+    try:
+        return Settings()
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = "RAYFARM_" + "_".join(str(part) for part in first["loc"]).upper()
+        raise SettingsError(f"The environment variable {name} is wrong: {first['msg'].lower()}.") from error

@@ -1,0 +1,1 @@
+"""The store: studies, jobs, slices, results and their changes of state."""

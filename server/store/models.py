@@ -1,0 +1,136 @@
+"""The tables. Times are UTC with their zone; JSON documents are plain JSON."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import JSON, DateTime, Dialect, ForeignKey, Index, String, Text, TypeDecorator, UniqueConstraint
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
+
+from renderer.variant import AXES
+from server.store.states import State
+
+Json = dict[str, Any]
+
+
+def now() -> datetime:
+    """The current time, UTC."""
+    return datetime.now(UTC)
+
+
+class UtcTime(TypeDecorator[datetime]):
+    """A time that keeps its zone on databases that have none (SQLite)."""
+
+    impl = DateTime(timezone=True)
+    cache_ok = True
+
+    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        """Store UTC."""
+        return None if value is None else value.astimezone(UTC)
+
+    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        """Read UTC."""
+        if value is None or value.tzinfo is not None:
+            return value
+        return value.replace(tzinfo=UTC)
+
+
+class Base(DeclarativeBase):
+    """The base of every table."""
+
+    type_annotation_map = {datetime: UtcTime, Json: JSON(none_as_null=True), list[Any]: JSON, State: String(16)}  # noqa: RUF012
+
+
+class Study(Base):
+    """A matrix of jobs submitted as one; `refused` lists what was left out of it, with reasons."""
+
+    __tablename__ = "studies"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    name: Mapped[str] = mapped_column(String(200))
+    request: Mapped[Json]
+    refused: Mapped[list[Any]]
+    created_at: Mapped[datetime] = mapped_column(default=now)
+
+
+class Job(Base):
+    """One variant on one scene; `request` is `renderer.request.Request` as JSON.
+
+    All jobs of a study have the same `created_at`: slices are taken in the order (created_at, round, job).
+    """
+
+    __tablename__ = "jobs"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    study_id: Mapped[int | None] = mapped_column(ForeignKey("studies.id"), index=True)
+    scene: Mapped[str] = mapped_column(String(200))
+    label: Mapped[str] = mapped_column(String(300))
+    request: Mapped[Json]
+    state: Mapped[State] = mapped_column(default="queued", index=True)
+    reason: Mapped[str | None] = mapped_column(Text)
+    created_at: Mapped[datetime] = mapped_column(default=now)
+    started_at: Mapped[datetime | None]
+    finished_at: Mapped[datetime | None]
+
+    slices: Mapped[list[Slice]] = relationship(back_populates="job", order_by="Slice.round")
+    changes: Mapped[list[Change]] = relationship(order_by="Change.id")
+    result: Mapped[Result | None] = relationship(back_populates="job")
+
+
+class Slice(Base):
+    """One round of one job. `worker` holds it since its last claim; `beat_at` is that worker's last sign of life."""
+
+    __tablename__ = "slices"
+    __table_args__ = (UniqueConstraint("job_id", "round"), Index("ix_slices_state_job", "state", "job_id"))
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    job_id: Mapped[int] = mapped_column(ForeignKey("jobs.id"))
+    round: Mapped[int]
+    state: Mapped[State] = mapped_column(default="queued")
+    attempts: Mapped[int] = mapped_column(default=0)
+    worker: Mapped[str | None] = mapped_column(String(200))
+    beat_at: Mapped[datetime | None]
+    measurement: Mapped[Json | None] = mapped_column(deferred=True)
+
+    job: Mapped[Job] = relationship(back_populates="slices")
+
+
+class Change(Base):
+    """A job's change of state, with its time and reason."""
+
+    __tablename__ = "changes"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    job_id: Mapped[int] = mapped_column(ForeignKey("jobs.id"), index=True)
+    state: Mapped[State]
+    reason: Mapped[str | None] = mapped_column(Text)
+    at: Mapped[datetime] = mapped_column(default=now)
+
+
+class Result(Base):
+    """A job's result: the whole document, and the columns that a comparison filters on."""
+
+    __tablename__ = "results"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    job_id: Mapped[int] = mapped_column(ForeignKey("jobs.id"), unique=True)
+    recorded_at: Mapped[datetime] = mapped_column(default=now, index=True)
+    scene: Mapped[str] = mapped_column(String(200), index=True)
+    device: Mapped[str] = mapped_column(String(200), index=True)
+    traversal: Mapped[str] = mapped_column(String(64))
+    method: Mapped[str] = mapped_column(String(64))
+    layout: Mapped[str] = mapped_column(String(64))
+    intersector: Mapped[str] = mapped_column(String(64))
+    box: Mapped[str] = mapped_column(String(64))
+    nodes: Mapped[str] = mapped_column(String(64))
+    precision: Mapped[str] = mapped_column(String(64))
+    offset: Mapped[str] = mapped_column(String(64))
+    builder: Mapped[str] = mapped_column(String(64))
+    document: Mapped[Json]
+
+    job: Mapped[Job] = relationship(back_populates="result")
+
+
+FILTERS = ("scene", "device", *AXES)
+"""The columns of `Result` that a comparison filters on."""

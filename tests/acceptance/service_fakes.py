@@ -1,0 +1,126 @@
+"""A real server on a free loopback port and a real database file, with a stand-in for the measurement alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from renderer.request import Request
+from renderer.variant import AXES
+from server.service import address, listen, running
+from server.settings import Settings
+from server.store.database import Database
+from server.worker import Worker
+
+SPEEDS = dict(zip(AXES["traversal"], (0.01, 2.0, 1.4, 1.1, 0.9, 0.6), strict=True))
+
+
+@dataclass
+class FakeBench:
+    """Stands for `renderer.bench`: remembers the order of slices, fails where told to."""
+
+    order: list[tuple[str, str, int]] = field(default_factory=list)
+    failing: dict[str, Exception] = field(default_factory=dict)
+    device: str = "llvmpipe"
+
+    def run_slice(self, request: Request, round_index: int, timeout_s: float) -> dict[str, Any]:
+        """One round, at once."""
+        traversal = request.variant.traversal
+        self.order.append((request.scene, traversal, round_index))
+        if traversal in self.failing:
+            raise self.failing[traversal]
+        return {"round": round_index, "speed": SPEEDS[traversal], "timeout_s": timeout_s}
+
+    def combine(self, request: Request, measurements: list[dict[str, Any]]) -> dict[str, Any]:
+        """A document in DESIGN.md's form whose speed is the traversal's in SPEEDS."""
+        speed = sum(m["speed"] for m in measurements) / len(measurements)
+        return document(request, speed, self.device)
+
+
+def document(request: Request, speed: float, device: str = "llvmpipe") -> dict[str, Any]:
+    """A result as DESIGN.md names it; `speed` in Mray/s, 20 ms a frame with 10 % to either side."""
+    hybrid = request.variant.method == "hybrid"
+    return {
+        "scene": request.scene,
+        "family": "fake",
+        "triangles": 1234,
+        "device": {"id": device, "kind": "llvmpipe", "name": device, "driver": "Mesa"},
+        **request.variant.as_dict(),
+        "sah": {"traversal": request.costs.traversal, "intersection": request.costs.intersection, "cost": 31.5},
+        "size": list(request.size),
+        "rays_kind": request.rays,
+        "frames": request.frames,
+        "frame_ms": {"median": 20.0, "ci_low": 18.0, "ci_high": 22.0},
+        "fps": 50.0,
+        "mrays_per_s": speed,
+        "mrays_per_cpu_s": speed * 0.9,
+        "rays_timed": 1000,
+        "rays": {"primary": 600, "shadow": 400},
+        "structure_bytes": 65_536,
+        "primitive_bytes": 4_096,
+        "build_ms": 12.5,
+        "per_ray": {"nodes": 34.25, "inner": 30.0, "leaves": 4.25, "triangles": 5.5, "bytes": 1200.0, "lines": None},
+        "overflows": 0,
+        "error": {
+            "false_hit": 0.0,
+            "false_miss": float("nan") if hybrid else 2e-5,
+            "edge": 1e-4,
+            "wrong_primitive": 0.0,
+            "t_rel_p99": 1e-7,
+            "t_rel_max": 1e-6,
+            "t_ulp_max": 3,
+            "shadow_mismatch": 0.0,
+            "flip": None,
+        },
+        "vs_embree": {"mrays_per_cpu_s": 4.0, "ratio": speed * 0.9 / 4.0} if request.vs_embree else None,
+        "specialised": ["normals"],
+        "versions": {"rayfarm": "0.1.0", "shader_sha": "ab" * 8, "plan": 1},
+        "started_at": "2026-01-01T00:00:00+00:00",
+    }
+
+
+@dataclass
+class Service:
+    """A running server, a client for it, and its database."""
+
+    client: httpx.Client
+    database: Database
+    bench: FakeBench
+    folder: Path
+
+    def work(self) -> None:
+        """Measure everything that is queued."""
+        worker = Worker(self.database, self.bench.run_slice, self.bench.combine)
+        worker.run_until_idle()
+
+    def post(self, path: str, **body: Any) -> Any:
+        """POST a body that is fine; the answer's JSON."""
+        answer = self.client.post(f"/api/v1/{path}", json=body)
+        assert answer.status_code == 201, answer.text
+        return answer.json()
+
+    def get(self, path: str) -> Any:
+        """GET what is there; the answer's JSON."""
+        answer = self.client.get(f"/api/v1/{path}")
+        assert answer.status_code == 200, answer.text
+        return answer.json()
+
+
+@contextmanager
+def running_service(folder: Path) -> Iterator[Service]:
+    """A service on a database in `folder`."""
+    url = f"sqlite:///{folder / 'service.sqlite'}"
+    sock = listen("127.0.0.1", 0)
+    base = address(sock)
+    with running(Settings(database_url=url), sock, with_worker=False):
+        database = Database(url)
+        try:
+            with httpx.Client(base_url=base, timeout=30, trust_env=False) as client:
+                yield Service(client, database, FakeBench(), folder)
+        finally:
+            database.close()

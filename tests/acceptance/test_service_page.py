@@ -1,0 +1,227 @@
+"""The pages in headless Chromium: the table, the controls, the address as state, hostile names."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from typing import Any, cast
+from urllib.parse import urlsplit
+
+import pytest
+from selenium.webdriver import Chrome, ChromeOptions
+from selenium.webdriver.chrome.service import Service as Driver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import Select, WebDriverWait
+from service_fakes import SPEEDS, Service, running_service
+
+from renderer.request import Request
+from renderer.variant import Variant
+from server.store.models import Job
+from server.store.records import add_job, add_result
+
+HOSTILE = '<script>alert(1)</script><img src=x onerror="alert(2)"> & "quoted" \'names\''
+PAPER = ("bvh-parent-link", "bvh-restart-trail", "kd-push-down", "kd-backtrack")
+SWITCHES = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--window-size=1400,1300",
+)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
+    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if chromium is None or driver is None:
+        pytest.skip("chromium and chromedriver are not installed: apt install chromium chromium-driver")
+    options = ChromeOptions()
+    options.binary_location = chromium
+    for switch in (*SWITCHES, f"--user-data-dir={tmp_path_factory.mktemp('chromium')}"):
+        options.add_argument(switch)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    with Chrome(options=options, service=Driver(driver)) as chrome:
+        yield chrome
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    with running_service(tmp_path_factory.mktemp("service")) as running:
+        axes = {"traversal": "paper"}
+        running.post(
+            "studies", name="fakes", scenes="cornell-box,forest", axes=axes, frames=2, rounds=1, vs_embree=True
+        )
+        running.work()
+        running.bench.device = HOSTILE
+        running.post("jobs", scene="forest", traversal="bvh-stack", frames=1)
+        running.work()
+        _add_hostile_scene(running)
+        yield running
+
+
+@pytest.fixture
+def page(browser: Chrome, service: Service) -> Iterator[Chrome]:
+    """The browser on the comparison page; afterwards nothing was refused, logged, popped up or fetched elsewhere."""
+    _log(browser, "performance")
+    _log(browser, "browser")
+    browser.get(str(service.client.base_url))
+    yield browser
+    problems = [entry for entry in _log(browser, "browser") if entry["level"] in ("SEVERE", "WARNING")]
+    assert problems == []
+    hosts = {urlsplit(url).netloc for url in _requested(browser) if url.startswith(("http:", "https:", "ws"))}
+    assert hosts == {urlsplit(str(service.client.base_url)).netloc}
+
+
+def test_the_table_has_traversals_by_scenes_with_all_figures(page: Chrome) -> None:
+    heads = [head.text.split("\n")[0] for head in page.find_elements(By.CSS_SELECTOR, "thead th")]
+    assert heads[0] == "traversal"
+    assert {"cornell-box", "forest"} <= {head.rstrip("↕↓↑").strip() for head in heads[1:]}
+    rows = [head.text for head in page.find_elements(By.CSS_SELECTOR, "tbody th[scope=row]")]
+    assert rows == ["bvh-stack", *PAPER]
+    cell = _cell(page, "kd-push-down", "cornell-box").text
+    for word in (
+        "0.900",
+        "Mray/s",
+        "0.818–1.00",
+        "of Embree",
+        "65.5 KB",
+        "nodes/ray\n34.2",
+        "error",
+        "2.0×10⁻⁵",
+        "edge",
+    ):
+        assert word in cell
+    assert page.find_element(By.CSS_SELECTOR, "caption").text
+
+
+def test_what_was_not_measured_says_so(page: Chrome) -> None:
+    assert _cell(page, "bvh-stack", "cornell-box").text == "not measured"
+    assert "not measured" in _cell(page, "bvh-stack", "forest").text  # its ratio to Embree
+
+
+def test_hostile_names_stay_text(page: Chrome) -> None:
+    assert HOSTILE in page.find_element(By.TAG_NAME, "main").text
+    assert page.find_elements(By.CSS_SELECTOR, "main script, main img") == []
+    _wait_for_chart(page)
+    assert "<script>alert(1)" in str(page.find_element(By.ID, "chart").get_attribute("textContent"))
+
+
+def test_controls_change_the_address_and_the_address_is_the_state(page: Chrome) -> None:
+    _choose(page, "metric", "per_ray_nodes")
+    _choose(page, "sort", "-traversal")
+    query = urlsplit(page.current_url).query
+    assert set(query.split("&")) == {"metric=per_ray_nodes", "sort=-traversal"}
+    before = _state(page)
+    assert before["rows"] == sorted([*PAPER, "bvh-stack"], reverse=True)
+    assert before["title"].startswith("Nodes per ray")
+    page.get(page.current_url)
+    assert _state(page) == before
+
+
+def test_a_column_head_sorts_the_best_first(page: Chrome) -> None:
+    _head(page, "cornell-box").click()
+    WebDriverWait(page, 10).until(lambda p: "sort=" in p.current_url)
+    best_first = sorted(PAPER, key=lambda name: -SPEEDS[name])
+    assert _state(page)["rows"] == [*best_first, "bvh-stack"]
+    assert _head(page, "cornell-box").find_element(By.XPATH, "..").get_attribute("aria-sort") == "descending"
+
+
+def test_filters_are_part_of_the_address(page: Chrome) -> None:
+    page.find_element(By.CSS_SELECTOR, ".filters summary").click()
+    page.find_element(By.CSS_SELECTOR, "input[name=traversal][value=kd-backtrack]").click()
+    WebDriverWait(page, 10).until(lambda p: "traversal=kd-backtrack" in p.current_url)
+    assert _state(page)["rows"] == ["kd-backtrack"]
+
+
+@pytest.mark.parametrize("kind", ["speed", "error"])
+def test_the_chart_is_drawn(page: Chrome, kind: str) -> None:
+    if kind == "error":
+        _choose(page, "chart", "error")
+    _wait_for_chart(page)
+    assert len(page.find_elements(By.CSS_SELECTOR, "#chart .scatterlayer .trace")) >= 2
+    assert page.find_elements(By.CSS_SELECTOR, "#chart canvas") == []
+
+
+def test_other_pages_open(page: Chrome, service: Service) -> None:
+    base = str(service.client.base_url)
+    for path, word in (("studies", "fakes"), ("studies/1", "Jobs of this study"), ("jobs/1", "mrays_per_s")):
+        page.get(f"{base}/{path}")
+        assert word in page.find_element(By.TAG_NAME, "main").text
+
+
+def test_the_form_submits_a_study(page: Chrome, service: Service) -> None:
+    page.get(f"{service.client.base_url}/submit")
+    page.find_element(By.NAME, "size").clear()
+    page.find_element(By.NAME, "size").send_keys("0")
+    button = page.find_element(By.CSS_SELECTOR, "form button")
+    page.execute_script("arguments[0].click()", button)
+    problem = page.find_element(By.ID, "problem")
+    WebDriverWait(page, 10).until(lambda _: problem.is_displayed())
+    assert "width" in problem.text
+    # The browser logs the refused request itself.
+    assert [e["message"] for e in _log(page, "browser") if "422" not in e["message"]] == []
+    page.find_element(By.NAME, "size").clear()
+    page.find_element(By.NAME, "size").send_keys("32")
+    page.execute_script("arguments[0].click()", button)
+    WebDriverWait(page, 10).until(lambda p: "/studies/" in p.current_url)
+    assert "queued" in page.find_element(By.TAG_NAME, "main").text
+    service.work()
+    WebDriverWait(page, 10).until(lambda p: p.find_element(By.ID, "state").text == "done")
+
+
+def _add_hostile_scene(service: Service) -> None:
+    """A result whose scene is no name from the catalogue, as an import might bring one."""
+    request = Request("forest", Variant("kd-backtrack"), frames=1, rounds=1)
+    with service.database.writing() as session:
+        job: Job = add_job(session, request)
+        job.state = "done"
+        add_result(session, job, service.bench.combine(request, [{"speed": 0.5}]) | {"scene": HOSTILE})
+
+
+def _log(browser: Chrome, kind: str) -> list[dict[str, Any]]:
+    entries: list[dict[str, Any]] = cast(Any, browser).get_log(kind)
+    return entries
+
+
+def _requested(browser: Chrome) -> list[str]:
+    messages = [json.loads(entry["message"])["message"] for entry in _log(browser, "performance")]
+    return [m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"]
+
+
+def _head(page: Chrome, column: str) -> Any:
+    links = page.find_elements(By.CSS_SELECTOR, "thead a")
+    return next(link for link in links if link.text.rstrip("↕↓↑").strip() == column)
+
+
+def _cell(page: Chrome, row: str, column: str) -> Any:
+    columns = [link.text.rstrip("↕↓↑").strip() for link in page.find_elements(By.CSS_SELECTOR, "thead a")]
+    line = next(
+        line
+        for line in page.find_elements(By.CSS_SELECTOR, "tbody tr")
+        if line.find_element(By.TAG_NAME, "th").text == row
+    )
+    return line.find_elements(By.TAG_NAME, "td")[columns.index(column)]
+
+
+def _choose(page: Chrome, name: str, value: str) -> None:
+    before = page.current_url
+    Select(page.find_element(By.NAME, name)).select_by_value(value)
+    WebDriverWait(page, 10).until(lambda p: p.current_url != before)
+
+
+def _state(page: Chrome) -> dict[str, Any]:
+    return {
+        "title": page.find_element(By.TAG_NAME, "h1").text,
+        "rows": [head.text for head in page.find_elements(By.CSS_SELECTOR, "tbody th[scope=row]")],
+        "cells": [cell.text for cell in page.find_elements(By.CSS_SELECTOR, "tbody td")],
+        "controls": [Select(each).first_selected_option.text for each in page.find_elements(By.TAG_NAME, "select")],
+    }
+
+
+def _wait_for_chart(page: Chrome) -> None:
+    WebDriverWait(page, 20).until(lambda p: p.find_element(By.ID, "chart").get_attribute("data-drawn") == "yes")
