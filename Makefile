@@ -22,7 +22,8 @@ check: $(VENV)/.ready-to-test
 	$(BIN)/mypy
 
 benchmark: $(VENV)/.ready-to-test
-	$(BIN)/python -m benchmarks $(ARGS)
+	$(BIN)/python -m benchmarks.builders
+	$(BIN)/python -m benchmarks.traversals $(ARGS)
 
 clean:
 	rm -rf $(VENV) var build dist *.egg-info

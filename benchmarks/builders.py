@@ -1,4 +1,4 @@
-"""CPU seconds of the builders beside embreex's, interleaved in one run: `python benchmarks/builders.py [FILE ...]`.
+"""CPU seconds of the builders beside embreex's, interleaved in one run: `python -m benchmarks.builders [FILE ...]`.
 
 Without a file every mesh in the folders of RAYFARM_SCENES is measured, the largest last. A build starts from the
 triangles, as embreex's mesh object does: bounds, and padding for the KD-tree, are in it; compilation is not.
@@ -26,17 +26,18 @@ from renderer.build.pad import padded
 from renderer.build.tree import KD_LEAF, Bvh, Floats, SahCosts, Tree
 from scenes.load import load
 from scenes.places import folders
+from scenes.scene import Scene
 
 PAPER = SahCosts(3.0, 1.5)
 PLAIN = SahCosts(1.0, 1.0)
 Seconds = dict[str, float]
 
 
-def embree_seconds(triangles: Floats) -> Seconds:
-    """CPU seconds of embreex's mesh object and of its commit, which the first ray sets off."""
+def embree_seconds(given: Scene) -> Seconds:
+    """CPU seconds of embreex's mesh object, in its faster form, and of its commit, which the first ray sets off."""
     start = time.process_time()
     scene = EmbreeScene()
-    mesh = TriangleMesh(scene, triangles)
+    mesh = TriangleMesh(scene, given.vertices, given.faces)
     made = time.process_time()
     scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
     done = time.process_time()
@@ -58,9 +59,10 @@ def seconds(task: Callable[[], Any]) -> float:
     return time.process_time() - start
 
 
-def one_round(triangles: Floats) -> Seconds:
+def one_round(scene: Scene) -> Seconds:
     """Everything once, in turn, so that drift of the machine hits all alike."""
-    found = embree_seconds(triangles)
+    triangles = scene.triangles
+    found = embree_seconds(scene)
     found["bvh"] = seconds(partial(make_bvh, triangles, PAPER))
     found["kd"] = seconds(partial(make_kd, triangles, PAPER))
     return found
@@ -81,9 +83,10 @@ def describe(tree: Tree, costs: SahCosts) -> str:
 
 
 def report(path: Path, rounds: int) -> None:
-    triangles = load(str(path)).triangles
+    scene = load(str(path))
+    triangles = scene.triangles
     print(f"\n{path.name}: {len(triangles)} triangles, {rounds} rounds, CPU seconds (min, median, max)")
-    runs = [one_round(triangles) for _ in range(rounds)]
+    runs = [one_round(scene) for _ in range(rounds)]
     for name in runs[0]:
         print(f"  {name:<34}{spread([run[name] for run in runs])}")
     for name in ("bvh", "kd"):

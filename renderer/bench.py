@@ -98,6 +98,7 @@ def combine(request: Request, measurements: list[dict[str, Any]]) -> Result:
             "ci_high": None if interval is None else interval[1] * 1e3,
         },
         "frames_ms": [time * 1e3 for time in wall],
+        "frames_cpu_ms": [time * 1e3 for time in cpu],
         "fps": 1 / frame,
         "mrays_per_s": timed / frame / 1e6,
         "mrays_per_cpu_s": timed / median(cpu) / 1e6,
