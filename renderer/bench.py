@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import json
-import os
-import signal
-import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from renderer.child import ChildError, run_child
 from renderer.interval import median, median_interval
 from renderer.request import Request
 
@@ -21,41 +17,19 @@ _ERRORS = (
 )  # fmt: skip
 
 
-class SliceError(RuntimeError):
-    """A slice that gave no measurement; the message is one sentence."""
-
-
 def run_slice(request: Request, round_index: int, timeout_s: float = 900.0) -> dict[str, Any]:
-    """Run one slice in a fresh child process and return its measurement.
+    """Run one slice in a fresh child process and return its measurement; raise ChildError with the reason if it fails.
 
-    The child ends with this process. Raise SliceError with its reason when it fails or measures for longer than
-    `timeout_s` seconds; waiting for another measurement on this host does not count.
+    A slice may measure for `timeout_s` seconds; waiting for another measurement on this host does not count.
     """
-    task = {"request": request.to_json(), "round": round_index, "parent": os.getpid(), "timeout_s": timeout_s}
-    environment = os.environ | {"LP_NUM_THREADS": str(request.threads), "PYTHONUNBUFFERED": "1"}
-    done = subprocess.run(
-        [sys.executable, "-m", "renderer.slice"],
-        input=json.dumps(task),
-        capture_output=True,
-        text=True,
-        env=environment,
-        check=False,
-    )
-    if done.returncode == -signal.SIGALRM:
-        raise SliceError(f"The slice was ended after {timeout_s:.0f} s, its time limit.")
-    answer = _last_json(done.stdout)
-    if done.returncode != 0 or answer is None:
-        last = (done.stderr.strip().splitlines() or ["nothing on standard error"])[-1]
-        raise SliceError(f"The slice ended with code {done.returncode}: {last}")
-    if set(answer) == {"error"}:
-        raise SliceError(answer["error"])
-    return answer
+    task = {"request": request.to_json(), "round": round_index}
+    return run_child("renderer.slice", task, request.threads, timeout_s)
 
 
-def run_jobs(requests: Sequence[Request], progress: Callable[[Request, int], None]) -> list[Result | SliceError]:
+def run_jobs(requests: Sequence[Request], progress: Callable[[Request, int], None]) -> list[Result | ChildError]:
     """Run jobs here, interleaved in rounds, and return each one's result or the error that ended it."""
     measured: list[list[dict[str, Any]]] = [[] for _ in requests]
-    failed: dict[int, SliceError] = {}
+    failed: dict[int, ChildError] = {}
     for round_index in range(max((request.rounds for request in requests), default=0)):
         for i, request in enumerate(requests):
             if round_index >= request.rounds or i in failed:
@@ -63,7 +37,7 @@ def run_jobs(requests: Sequence[Request], progress: Callable[[Request, int], Non
             progress(request, round_index)
             try:
                 measured[i].append(run_slice(request, round_index))
-            except SliceError as error:
+            except ChildError as error:
                 failed[i] = error
     return [failed.get(i) or combine(request, measured[i]) for i, request in enumerate(requests)]
 
@@ -134,12 +108,3 @@ def _versus(timed: int, cpu: list[float], embree: list[float]) -> dict[str, floa
         return {"mrays_per_cpu_s": None, "ratio": None}
     ratios = [theirs / ours for ours, theirs in zip(cpu, embree, strict=True)]
     return {"mrays_per_cpu_s": timed / median(embree) / 1e6, "ratio": median(ratios)}
-
-
-def _last_json(text: str) -> dict[str, Any] | None:
-    lines = text.strip().splitlines()
-    try:
-        answer = json.loads(lines[-1]) if lines else None
-    except ValueError:
-        return None
-    return answer if isinstance(answer, dict) else None

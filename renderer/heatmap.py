@@ -6,10 +6,6 @@ A node counts as traversed when it is fetched from the structure's SSBO. The run
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,26 +13,18 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from renderer.host import end_with_parent, measuring
+from renderer.child import Json, answer_task, run_child
 from renderer.instrumented import instrumented
 from renderer.planner import in_passes
 from renderer.prepare import Prepared, prepare
 from renderer.records import COUNTERS, Records
 from renderer.request import Request, RequestError
-from renderer.slice import SPOKEN
 from renderer.twin import open_context
 
 Counts = npt.NDArray[np.int64]
 
 METRICS = {"nodes": "nodes fetched", "triangles": "triangles tested", "bytes": "bytes fetched"}
 """What can be drawn, and how it is called."""
-
-SPOKEN_CODE = 3
-"""The child's exit code when the last line of its standard error is a sentence for the user."""
-
-
-class HeatmapError(RuntimeError):
-    """A run that gave no counts; the message is one sentence."""
 
 
 def require_metric(name: str) -> str:
@@ -50,26 +38,13 @@ def heatmap(request: Request, metric: str = "nodes", timeout_s: float = 900.0) -
     """Count a metric per pixel, (h, w) int64, row 0 at the bottom.
 
     `request.rays` says whose fetches: of the primary ray, of the shadow rays, or of both together. Raise
-    RequestError for an unknown metric and HeatmapError when the run fails or outlasts `timeout_s` seconds.
+    RequestError for an unknown metric and ChildError when the run fails or outlasts `timeout_s` seconds.
     """
     require_metric(metric)
     with tempfile.TemporaryDirectory(prefix="rayfarm-heatmap-") as folder:
         path = Path(folder) / "counts.npy"
-        task = {"request": request.to_json(), "metric": metric, "counts": str(path), "parent": os.getpid()}
-        try:
-            done = subprocess.run(
-                [sys.executable, "-m", "renderer.heatmap"],
-                input=json.dumps(task),
-                capture_output=True,
-                text=True,
-                timeout=timeout_s,
-                env=os.environ | {"LP_NUM_THREADS": str(request.threads)},
-                check=False,
-            )
-        except subprocess.TimeoutExpired as error:
-            raise HeatmapError(f"The heatmap was ended after {timeout_s:.0f} s, its time limit.") from error
-        if done.returncode != 0:
-            raise HeatmapError(_reason(done))
+        task = {"request": request.to_json(), "metric": metric, "counts": str(path)}
+        run_child("renderer.heatmap", task, request.threads, timeout_s)
         counts: Counts = np.load(path)
         return counts
 
@@ -109,34 +84,21 @@ def summarise(counts: Counts) -> Summary:
 
 
 def _refuse_uncounted(prepared: Prepared) -> None:
-    triangles = len(prepared.scene.faces)
     if in_passes(prepared.scene, prepared.tree):
         raise RequestError(
-            f"brute-force on {triangles:,} triangles runs in passes, which carry no counters: draw a "
+            f"brute-force on {len(prepared.scene.faces):,} triangles runs in passes, which carry no counters: draw a "
             "traversal of a structure, or a smaller scene."
         )
 
 
-def _reason(done: subprocess.CompletedProcess[str]) -> str:
-    last = (done.stderr.strip().splitlines() or ["nothing on standard error"])[-1]
-    return last if done.returncode == SPOKEN_CODE else f"The heatmap ended with code {done.returncode}: {last}"
-
-
-def main() -> None:
-    """Read one task from standard input, count, and save the counts where the task says."""
-    task = json.load(sys.stdin)
-    end_with_parent(task["parent"])
-    try:
-        request = Request.from_json(task["request"])
-        with measuring():
-            prepared = prepare(request)
-            _refuse_uncounted(prepared)
-            records = instrumented(prepared, open_context())
-    except SPOKEN as error:
-        print(error, file=sys.stderr)
-        sys.exit(SPOKEN_CODE)
-    np.save(task["counts"], count_pixels(records, request.rays, task["metric"]))
+def _work(task: Json) -> Json:
+    request = Request.from_json(task["request"])
+    prepared = prepare(request)
+    _refuse_uncounted(prepared)
+    counts = count_pixels(instrumented(prepared, open_context()), request.rays, task["metric"])
+    np.save(task["counts"], counts)
+    return {"saved": task["counts"]}
 
 
 if __name__ == "__main__":
-    main()
+    answer_task(_work)

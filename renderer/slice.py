@@ -1,16 +1,12 @@
 """One slice: one round of one job, measured in a process of its own (`python -m renderer.slice`).
 
-The request and the round come as JSON on standard input; the last line of standard output is the measurement, or
-`{"error": sentence}`. Nothing else on this host is measured meanwhile.
+`renderer.child` says how the request goes in and the measurement comes out.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import platform
-import signal
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -22,26 +18,20 @@ from typing import Any
 import numpy as np
 
 from renderer.accuracy import judge
-from renderer.build.api import BuildError
-from renderer.host import end_with_parent, measuring
+from renderer.child import answer_task
 from renderer.instrumented import instrumented, refuse_cut
 from renderer.oracle import Oracle
-from renderer.pack.nodes import PackError
-from renderer.plan import VERSION, Plan, PlanError
+from renderer.plan import VERSION, Plan
 from renderer.planner import in_passes
 from renderer.prepare import Prepared, prepare
 from renderer.records import COUNTERS, Records
-from renderer.request import Request, RequestError
+from renderer.request import Request
 from renderer.twin import Frames, Twin, open_context
-from scenes.scene import SceneError
 
 Measurement = dict[str, Any]
 
 WARM_UP = 1
 """Frames run and dropped before the timed ones: the first compiles."""
-
-SPOKEN = (SceneError, BuildError, PackError, PlanError, RequestError)
-"""Errors whose message is a sentence for the user."""
 
 
 def measure(request: Request, round_index: int) -> Measurement:
@@ -172,20 +162,9 @@ def _device(context: Any, request: Request) -> dict[str, Any]:
     }
 
 
-def main() -> None:
-    """Read one task from standard input, measure it, print the measurement."""
-    task = json.load(sys.stdin)
-    end_with_parent(task["parent"])
-    try:
-        request = Request.from_json(task["request"])
-        with measuring():
-            # Its default action ends the process, whatever a driver is doing.
-            signal.setitimer(signal.ITIMER_REAL, task["timeout_s"])
-            answer = measure(request, task["round"])
-    except SPOKEN as error:
-        answer = {"error": str(error)}
-    print(json.dumps(answer))
+def _work(task: dict[str, Any]) -> Measurement:
+    return measure(Request.from_json(task["request"]), task["round"])
 
 
 if __name__ == "__main__":
-    main()
+    answer_task(_work)

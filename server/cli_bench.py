@@ -10,7 +10,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from renderer.bench import Result, SliceError, run_jobs
+from renderer.bench import Result, run_jobs
+from renderer.child import ChildError
 from renderer.request import Check, Request, parse_size
 from renderer.variant import Variant
 from server import cli_heatmap
@@ -45,7 +46,7 @@ JsonLines = Annotated[
     typer.Option(
         "--json",
         help="Print each result as a line of JSON; standard error then has a line of JSON with `refused` or `failed`, "
-        "the axes, and `reason` for each variant without a result.",
+        "the axes, and `reason` for each variant without a result; and `warning`.",
     ),
 ]
 
@@ -99,10 +100,10 @@ def bench(
     )
     here = plan_here(study, read_camera(camera), threads)
     print_refused(here, as_json)
-    _warn_slow(here)
+    _warn_slow(here, as_json)
     results = _run(here, quiet=as_json)
-    _print_results(here, [result for result in results if not isinstance(result, SliceError)], as_json)
-    failures = [(r, e) for r, e in zip(here.requests, results, strict=True) if isinstance(e, SliceError)]
+    _print_results(here, [result for result in results if not isinstance(result, ChildError)], as_json)
+    failures = [(r, e) for r, e in zip(here.requests, results, strict=True) if isinstance(e, ChildError)]
     for request, error in failures:
         _print_failure(request, error, as_json)
     if failures:
@@ -117,17 +118,17 @@ def _rounds(rounds: int | None, frames: int) -> int:
     return rounds
 
 
-def _warn_slow(here: Here) -> None:
+def _warn_slow(here: Here, as_json: bool) -> None:
     """Tell how long brute force will take where it was asked for by name."""
     request = here.requests[0]
     # Warm-up frames of every round, and the instrumented frames beside them.
     untimed = request.rounds * (2 if request.vs_embree else 1) + 1
     warning = slow_warning(here, request.frames + untimed)
     if warning is not None:
-        print(f"Warning: {warning}", file=sys.stderr)
+        print(json.dumps({"warning": warning}) if as_json else f"Warning: {warning}", file=sys.stderr)
 
 
-def _run(here: Here, *, quiet: bool) -> list[Result | SliceError]:
+def _run(here: Here, *, quiet: bool) -> list[Result | ChildError]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("slices"))
     with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True, quiet=quiet)) as progress:
         total = sum(request.rounds for request in here.requests)
@@ -151,7 +152,7 @@ def _print_results(here: Here, results: list[Result], as_json: bool) -> None:
         print_results(here.scene, results, make_console())
 
 
-def _print_failure(request: Request, error: SliceError, as_json: bool) -> None:
+def _print_failure(request: Request, error: ChildError, as_json: bool) -> None:
     if as_json:
         line = json.dumps({"failed": request.variant.as_dict(), "reason": str(error)}, ensure_ascii=False)
     else:

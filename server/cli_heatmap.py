@@ -89,7 +89,7 @@ def _writable(path: Path) -> Path:
 
 
 def _count(here: Here, metric: str, *, quiet: bool) -> list[Counts]:
-    from renderer.heatmap import HeatmapError
+    from renderer.child import ChildError
     from renderer.heatmap import heatmap as count
 
     maps = []
@@ -98,7 +98,7 @@ def _count(here: Here, metric: str, *, quiet: bool) -> list[Counts]:
             status.update(request.variant.label)
             try:
                 maps.append(count(request, metric))
-            except HeatmapError as error:
+            except ChildError as error:
                 typer.echo(f"{request.variant.label} failed: {error}", err=True)
                 raise typer.Exit(SOME_FAILED) from error
     return maps

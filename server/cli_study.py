@@ -10,7 +10,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from renderer.bench import SliceError, run_jobs
+from renderer.bench import run_jobs
+from renderer.child import ChildError
 from renderer.request import Request, parse_size
 from server.api_compare import comparison_view
 from server.cli_common import Client, ClientError, JsonFlag, make_console
@@ -51,14 +52,14 @@ def study(
     changes = {"size": parse_size(size) if size else None, "frames": frames, "rounds": rounds}
     planned = plan_study(with_changes(require_study(name), **changes), require_scene, is_here)
     results = _run_here(planned, Console(stderr=True))
-    documents = [result for result in results if not isinstance(result, SliceError)]
+    documents = [result for result in results if not isinstance(result, ChildError)]
     if output is not None:
         output.write_text("".join(json.dumps(document) + "\n" for document in documents), encoding="utf-8")
     _report(documents, as_json)
     _tell_failures(planned, results)
 
 
-def _run_here(planned: Planned, console: Console) -> list[Json | SliceError]:
+def _run_here(planned: Planned, console: Console) -> list[Json | ChildError]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("slices"))
     with Progress(*columns, TimeElapsedColumn(), console=console) as progress:
         task = progress.add_task("", total=sum(request.rounds for request in planned.requests))
@@ -80,8 +81,8 @@ def _report(documents: list[Json], as_json: bool) -> None:
     print_comparison(comparison_view(compare(stored[::-1], Selection().metric), Selection()), make_console())
 
 
-def _tell_failures(planned: Planned, results: list[Json | SliceError]) -> None:
-    failed = [(r, e) for r, e in zip(planned.requests, results, strict=True) if isinstance(e, SliceError)]
+def _tell_failures(planned: Planned, results: list[Json | ChildError]) -> None:
+    failed = [(r, e) for r, e in zip(planned.requests, results, strict=True) if isinstance(e, ChildError)]
     for request, error in failed:
         typer.echo(f"{request.scene}, {request.variant.label}: {error}", err=True)
     if failed:

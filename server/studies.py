@@ -121,8 +121,8 @@ def _request(study: Study, scene: str, variant: Variant) -> Request:
 
 def _too_much(study: Study, entry: Entry, variant: Variant) -> str | None:
     words = study.axes.get("traversal", ())
-    listed = words.split(",") if isinstance(words, str) else list(words)
-    if variant.structure != "none" or "all" not in [word.strip() for word in listed]:
+    listed = [word.strip() for word in (words.split(",") if isinstance(words, str) else words)]
+    if variant.structure != "none" or "all" not in listed or variant.traversal in listed:
         return None
     tests = study.size[0] * study.size[1] * (2 if study.rays == "both" else 1) * (entry.get("triangles") or 0)
     if tests <= BRUTE_FORCE_LIMIT:

@@ -1,4 +1,4 @@
-// What every layout becomes when nothing shades with vertex normals: three padded vertices, the id in the padding.
+// Three padded vertices, the id in the padding: what every layout becomes when nothing shades with vertex normals.
 const int TRIANGLE_WORDS = 10;
 layout(std430, binding = 1) readonly restrict buffer Primitives { uvec4 primitives[]; };
 

@@ -54,7 +54,6 @@ vec4 render_pixel(ivec2 pixel) {
     uint at = record_base(pixel);
     record_ray(at, hit_t, hit_id);
 #endif
-    vec3 view = ray_direction;
     float light = 0.0;
     for (int l = 0; l < LIGHTS; l++) {
         vec3 origin = surface_point + shadow_offset * surface_normal;

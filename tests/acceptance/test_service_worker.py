@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from service_fakes import Service, running_service
 
-from renderer.bench import SliceError
+from renderer.child import ChildError
 from server import queue
 from server.worker import Worker
 
@@ -64,7 +64,7 @@ def hanging_worker(service: Service) -> Iterator[Callable[[], subprocess.Popen[b
         child.wait()
 
 
-@pytest.mark.parametrize("error", [SliceError("The shader has no loop."), KeyError("t"), MemoryError()])
+@pytest.mark.parametrize("error", [ChildError("The shader has no loop."), KeyError("t"), MemoryError()])
 def test_a_failing_slice_fails_its_job_alone(service: Service, error: Exception) -> None:
     service.bench.failing = {"kd-push-down": error}
     axes = {"traversal": "kd-push-down,kd-backtrack"}
@@ -85,7 +85,7 @@ def test_a_result_that_cannot_be_made_fails_its_job_alone(service: Service) -> N
 
     def combine(request, measurements):  # type: ignore[no-untyped-def]
         if request.scene == "cornell-box":
-            raise SliceError("The measurements do not fit.")
+            raise ChildError("The measurements do not fit.")
         return whole(request, measurements)
 
     worker = Worker(service.database, service.bench.run_slice, combine)

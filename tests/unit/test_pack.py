@@ -1,0 +1,140 @@
+"""Buffers: what does not fit is refused, sizes are the paper's, and normals survive their 32 bits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from renderer.build.bvh import build_bvh
+from renderer.build.tree import Bvh, Kd, SahCosts
+from renderer.pack.nodes import PackError, pack_nodes
+from renderer.pack.primitives import face_normals, octahedral, pack_primitives, pack_raster
+from renderer.pack.schema import NODE_LAYOUTS
+
+RNG = np.random.default_rng(61)
+TRIANGLES = RNG.random((50, 3, 3)).astype(np.float32)
+NORMALS = RNG.standard_normal((50, 3, 3)).astype(np.float32)
+
+
+def bvh() -> Bvh:
+    return build_bvh(np.stack([TRIANGLES.min(axis=1), TRIANGLES.max(axis=1)], axis=1), SahCosts())
+
+
+def leaf_kd(count: int) -> Kd:
+    zeros, ints = np.zeros((1, 3), np.float32), np.zeros(1, np.int32)
+    return Kd(
+        lower=zeros,
+        upper=zeros + 1,
+        split=np.zeros(1, np.float32),
+        axis=np.full(1, 3, np.uint8),
+        child=ints,
+        count=ints + np.int32(count),
+        parent=ints - np.int32(1),
+        refs=np.arange(count, dtype=np.int32),
+        depth=0,
+        cost=0.0,
+    )
+
+
+@pytest.mark.parametrize("name", NODE_LAYOUTS)
+def test_fields_share_no_bits(name: str) -> None:
+    layout = NODE_LAYOUTS[name]
+    for owner in ("inner", "leaf"):
+        used = np.zeros(layout.words, np.uint64)
+        for field in (one for one in layout.fields if one.owner in ("all", owner)):
+            mask = np.uint64(((1 << field.bits) - 1) << field.shift)
+            assert int(mask) < 1 << 32
+            for word in range(field.word, field.word + (3 if field.kind == "vec3" else 1)):
+                assert used[word] & mask == 0, field.name
+                used[word] |= mask
+            assert field.kind != "vec3" or field.word % layout.vector <= layout.vector - 3
+
+
+@pytest.mark.parametrize(("name", "node_bytes"), [("box", 32), ("box-parent", 32)])
+def test_a_bvh_takes_its_nodes_and_the_unused_one(name: str, node_bytes: int) -> None:
+    tree = bvh()
+    assert pack_nodes(tree, name).words.nbytes == (len(tree.count) + 1) * node_bytes
+
+
+@pytest.mark.parametrize(("name", "node_bytes", "chunk"), [("plane", 8, 8), ("plane-box", 48, 16)])
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 5])
+def test_a_kd_tree_takes_its_nodes_and_its_list(name: str, node_bytes: int, chunk: int, count: int) -> None:
+    packed = pack_nodes(leaf_kd(count), name)
+    list_bytes = -(-4 * count // chunk) * chunk
+    assert packed.words.nbytes == 2 * node_bytes + list_bytes
+    assert packed.refs_at * chunk == 2 * node_bytes
+    np.testing.assert_array_equal(packed.words[2 * node_bytes // 4 :][:count], np.arange(count))
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"count": 64}, "Node field count needs 64, more than its 6 bits hold."),
+        ({"child": 1 << 24}, "Node field first needs 16777216, more than its 24 bits hold."),
+    ],
+    ids=["count", "first"],
+)
+def test_a_leaf_that_does_not_fit_is_refused(change: dict[str, int], sentence: str) -> None:
+    tree = bvh()
+    leaf = int(np.flatnonzero(tree.count > 0)[0])
+    values = {name: getattr(tree, name).copy() for name in change}
+    for name, value in change.items():
+        values[name][leaf] = value
+    with pytest.raises(PackError) as raised:
+        pack_nodes(replace(tree, **values), "box")
+    assert str(raised.value) == sentence
+
+
+@pytest.mark.parametrize(("layout", "vec4s"), [("normal", 6), ("compact", 5), ("split", 6)])
+def test_a_triangle_takes_what_the_paper_says(layout: str, vec4s: int) -> None:
+    packed = pack_primitives(TRIANGLES, NORMALS, None, layout)
+    assert packed.nbytes == len(TRIANGLES) * vec4s * 16
+    assert (packed.normals is not None) == (layout == "split")
+
+
+@pytest.mark.parametrize("layout", ["normal", "compact", "split"])
+def test_without_normals_every_layout_is_the_same(layout: str) -> None:
+    packed = pack_primitives(TRIANGLES, None, np.arange(50, dtype=np.int32)[::-1], layout)
+    assert packed.normals is None
+    words = packed.vertices.reshape(50, 3, 4)
+    np.testing.assert_array_equal(words[:, :, :3].view(np.float32), TRIANGLES[::-1])
+    np.testing.assert_array_equal(words[:, 0, 3], np.arange(50)[::-1])
+
+
+def decoded(
+    codes: np.ndarray[tuple[int, ...], np.dtype[np.uint32]],
+) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """As `shaders/common_octahedral.glsl` does, in float64."""
+    halves = np.stack([codes & 0xFFFF, codes >> 16], axis=1).astype(np.uint16).view(np.int16)
+    p = np.maximum(halves / 32767.0, -1.0)
+    n = np.column_stack([p, 1 - np.abs(p).sum(axis=1)])
+    fold = np.maximum(-n[:, 2:], 0.0)
+    n[:, :2] += np.where(n[:, :2] >= 0, -fold, fold)
+    return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
+
+
+def test_octahedral_normals_are_good_to_a_ten_thousandth() -> None:
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    random = np.random.default_rng(62).standard_normal((5000, 3))
+    flat = random * [1, 1, 0]
+    normals = np.concatenate([axes, random, flat])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    assert np.abs(decoded(octahedral(normals)) - normals).max() < 1e-4
+    np.testing.assert_allclose(decoded(octahedral(axes)), axes, atol=1e-12)
+
+
+def test_face_normals_are_unit_and_a_degenerate_s_is_z() -> None:
+    corners = np.array([[[0, 0, 0], [2, 0, 0], [0, 0, 3]], [[1, 1, 1], [1, 1, 1], [2, 2, 2]]], np.float32)
+    np.testing.assert_array_equal(face_normals(corners), [[0, -1, 0], [0, 0, 1]])
+
+
+@pytest.mark.parametrize(
+    "normals", [None, NORMALS / np.linalg.norm(NORMALS, axis=2, keepdims=True)], ids=["flat", "smooth"]
+)
+def test_the_rasteriser_s_corners(normals: np.ndarray[tuple[int, ...], np.dtype[np.float32]] | None) -> None:
+    words = pack_raster(TRIANGLES, normals).reshape(50, 3, 4)
+    np.testing.assert_array_equal(words[:, :, :3].view(np.float32), TRIANGLES)
+    given = np.repeat(face_normals(TRIANGLES)[:, None], 3, axis=1) if normals is None else normals
+    assert np.abs(decoded(words[:, :, 3].ravel()) - given.reshape(-1, 3)).max() < 1e-4
