@@ -134,9 +134,9 @@ def load_plan(path: Path) -> Plan:
         tile=_pair(header["tile"]),
         buffers=buffers,
         textures=tuple(Texture(**entry) for entry in header["textures"]),
-        programs=tuple(Program(entry["name"], entry["stages"]) for entry in header["programs"]),
-        passes=tuple(Pass(**entry) for entry in header["passes"]),
-        uniforms={name: (kind, values) for name, (kind, values) in header["uniforms"].items()},
+        programs=tuple(_read_program(entry) for entry in header["programs"]),
+        passes=tuple(Pass(**entry | {"uniforms": _read_uniforms(entry["uniforms"])}) for entry in header["passes"]),
+        uniforms=_read_uniforms(header["uniforms"]),
         output=header["output"],
         needs=header["needs"],
         left_out=tuple(header["left_out"]),
@@ -172,6 +172,17 @@ def _header(plan: Plan) -> tuple[dict[str, Any], list[memoryview]]:
 
 def _texts_sha(program: Program) -> dict[str, str]:
     return {stage: hashlib.sha256(text.encode()).hexdigest() for stage, text in program.stages.items()}
+
+
+def _read_program(entry: dict[str, Any]) -> Program:
+    program = Program(entry["name"], entry["stages"])
+    if _texts_sha(program) != entry["sha256"]:
+        raise PlanError(f"The plan's program {program.name} fails its checksum: the file is torn.")
+    return program
+
+
+def _read_uniforms(entries: dict[str, list[Any]]) -> dict[str, Uniform]:
+    return {name: (kind, values) for name, (kind, values) in entries.items()}
 
 
 def _read_buffer(data: bytes, base: int, entry: dict[str, Any]) -> Buffer:

@@ -49,9 +49,10 @@ class View:
 def view_of(scene: Scene, camera: Camera, size: tuple[int, int]) -> View:
     """Place a camera for an image of `size` pixels; raise SceneError for one that looks nowhere."""
     eye, target, up = (np.array(point, np.float64) for point in (camera.eye, camera.target, camera.up))
-    forward = target - eye
-    side = np.cross(forward, up)
-    if not np.isfinite([*eye, *target, *up]).all() or not 0 < camera.fov < 180 or np.linalg.norm(side) == 0:
+    finite = bool(np.isfinite([eye, target, up]).all())
+    forward = target - eye if finite else np.zeros(3)
+    side = np.cross(forward, up) if finite else forward
+    if not 0 < camera.fov < 180 or np.linalg.norm(side) == 0:
         raise SceneError("The camera looks nowhere: its eye and target must differ, not along up, with 0 < fov < 180.")
     forward /= np.linalg.norm(forward)
     side /= np.linalg.norm(side)

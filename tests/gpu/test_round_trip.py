@@ -1,0 +1,214 @@
+"""What is packed on the host is what the shaders' accessors read on the device, field by field."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from running import context
+
+from renderer.build.tree import MAX_BVH_LEAF, Bvh, Kd, Tree
+from renderer.glsl import flatten
+from renderer.pack.nodes import pack_nodes
+from renderer.pack.primitives import pack_primitives
+from renderer.pack.schema import LEAF, NODE_LAYOUTS, Field, NodeLayout, glsl
+
+Words = npt.NDArray[np.uint32]
+
+NODES = 999
+SEED = 41
+
+
+def random_floats(rng: np.random.Generator, *shape: int) -> npt.NDArray[np.float32]:
+    """Floats of all signs and sizes."""
+    return (rng.standard_normal(shape) * 10.0 ** rng.integers(-30, 30, shape)).astype(np.float32)
+
+
+def random_bvh(seed: int) -> Bvh:
+    """Nodes whose values use every bit that their fields have; they make no tree."""
+    rng = np.random.default_rng(seed)
+    leaf = rng.random(NODES) < 0.5
+    return Bvh(
+        lower=random_floats(rng, NODES, 3),
+        upper=random_floats(rng, NODES, 3),
+        child=np.where(leaf, rng.integers(0, 1 << 24, NODES), rng.integers(1, (1 << 30) - 1, NODES)).astype(np.int32),
+        count=np.where(leaf, rng.integers(1, MAX_BVH_LEAF + 1, NODES), 0).astype(np.int32),
+        axis=rng.integers(0, 3, NODES).astype(np.uint8),
+        parent=np.append(-1, rng.integers(0, NODES, NODES - 1)).astype(np.int32),
+        order=np.arange(9, dtype=np.int32),
+        depth=1,
+        cost=0.0,
+    )
+
+
+def random_kd(seed: int) -> Kd:
+    """As `random_bvh`, with a list of triangles."""
+    rng = np.random.default_rng(seed)
+    axis = rng.integers(0, 4, NODES).astype(np.uint8)
+    leaf = axis == 3
+    child = np.where(leaf, rng.integers(0, (1 << 31) - 1, NODES), rng.integers(1, (1 << 30) - 1, NODES))
+    return Kd(
+        lower=random_floats(rng, NODES, 3),
+        upper=random_floats(rng, NODES, 3),
+        split=random_floats(rng, NODES),
+        axis=axis,
+        child=child.astype(np.int32),
+        count=np.where(leaf, rng.integers(0, 1 << 30, NODES), 0).astype(np.int32),
+        parent=np.append(-1, rng.integers(0, NODES, NODES - 1)).astype(np.int32),
+        refs=rng.integers(0, (1 << 31) - 1, 1013).astype(np.int32),
+        depth=1,
+        cost=0.0,
+    )
+
+
+def device_reads(text: str, storage: list[Words], threads: int, words: int) -> Words:
+    """What `main` of a shader of 64 invocations a group leaves in its buffer `found`, (threads, words)."""
+    made = context()
+    program = made.compute_shader(text)
+    buffers = [made.buffer(part.tobytes()) for part in storage]
+    found = made.buffer(reserve=threads * words * 4)
+    for binding, buffer in enumerate([*buffers, found]):
+        buffer.bind_to_storage_buffer(binding)
+    program["threads"].write(struct.pack("<I", threads))
+    program.run(-(-threads // 64))
+    made.finish()
+    answer = np.frombuffer(found.read(), np.uint32).reshape(threads, words)
+    for one in (program, found, *buffers):
+        one.release()
+    return answer
+
+
+def shader(defines: dict[str, int], parts: list[str], binding: int, statements: list[str]) -> str:
+    """A compute shader that runs the statements for each `i` below `threads`."""
+    lines = [
+        "layout(local_size_x = 64) in;",
+        "uniform uint threads;",
+        f"layout(std430, binding = {binding}) writeonly restrict buffer Found {{ uint found[]; }};",
+        "void main() {",
+        "    uint i = gl_GlobalInvocationID.x;",
+        "    if (i >= threads) { return; }",
+        *(f"    {statement}" for statement in statements),
+        "}",
+    ]
+    return flatten(defines, [*parts, "\n".join(lines) + "\n"])
+
+
+def bits(values: npt.NDArray[np.generic]) -> Words:
+    return np.ascontiguousarray(values, np.float32).view(np.uint32)
+
+
+@dataclass(frozen=True)
+class Read:
+    """One accessor called on one chunk: the words that it gives."""
+
+    expression: str
+    field: Field
+
+    def statements(self, at: int, stride: int) -> list[str]:
+        where = [f"found[i * {stride}u + {at + k}u] = " for k in range(3 if self.field.kind == "vec3" else 1)]
+        if self.field.kind == "vec3":
+            return [f"{w}floatBitsToUint({self.expression}).{'xyz'[k]};" for k, w in enumerate(where)]
+        value = f"floatBitsToUint({self.expression})" if self.field.kind == "float" else self.expression
+        return [f"{where[0]}{value};"]
+
+
+def accessors(layout: NodeLayout) -> list[Read]:
+    """Every accessor of every field, on a whole chunk and on the half chunk that KD leaves are read by."""
+    reads = []
+    for field in layout.fields:
+        chunk = f"node_chunk(node, {field.word // layout.vector}u)"
+        reads.append(Read(f"node_{field.name}({chunk})", field))
+        if layout.refs and layout.vector == 4 and field.word % 4 < 2 and field.kind != "vec3":
+            reads.append(Read(f"node_{field.name}({chunk}.xy)", field))
+    parent = layout.field("parent")
+    if parent is not None and parent.shift:
+        reads.append(Read("node_parent(uvec4(node_links(node)))", parent))
+    elif parent is not None:
+        reads.append(Read("node_links(node)", parent))
+    return reads
+
+
+def expected(tree: Tree, field: Field) -> Words:
+    """The field's words of each node as the shaders are to see them: node 1 is unused, axes count from 1."""
+    slot = np.where(np.arange(NODES) > 0, np.arange(NODES) + 1, 0)
+    leaf = tree.count > 0 if isinstance(tree, Bvh) else tree.axis == 3
+    axis = np.where(leaf, LEAF, tree.axis + 1)
+    match field.name:
+        case "lower" | "upper" | "split":
+            return bits(getattr(tree, field.name)).reshape(NODES, -1)
+        case "axis":
+            values = axis
+        case "child":
+            values = tree.child + 1
+        case "first":
+            values = tree.child
+        case "count":
+            values = tree.count
+        case "parent":
+            values = np.where(tree.parent >= 0, slot[tree.parent], 0)
+        case "parent_axis":
+            values = np.where(tree.parent >= 0, axis[tree.parent], 0)
+        case other:
+            raise AssertionError(f"the field {other} is not tested")
+    return values.astype(np.uint32).reshape(NODES, 1)
+
+
+@pytest.mark.parametrize("seed", [SEED, SEED + 1])
+@pytest.mark.parametrize("name", NODE_LAYOUTS)
+def test_every_field_of_every_node_is_read_back(name: str, seed: int) -> None:
+    layout = NODE_LAYOUTS[name]
+    tree: Tree = random_kd(seed) if layout.refs else random_bvh(seed)
+    packed = pack_nodes(tree, name)
+    reads = accessors(layout)
+    assert {read.field.name for read in reads} == {field.name for field in layout.fields}
+    widths = [3 if read.field.kind == "vec3" else 1 for read in reads]
+    starts, stride = np.cumsum([0, *widths[:-1]]), sum(widths)
+    statements = ["uint node = i == 0u ? 0u : i + 1u;"]
+    for read, start in zip(reads, starts, strict=True):
+        statements += read.statements(int(start), stride)
+    text = shader({"REFS_AT": packed.refs_at}, [glsl(name)], 1, statements)
+    found = device_reads(text, [packed.words], NODES, stride)
+    leaf = tree.count > 0 if isinstance(tree, Bvh) else tree.axis == 3
+    for read, start, width in zip(reads, starts, widths, strict=True):
+        rows = {"all": np.full(NODES, True), "inner": ~leaf, "leaf": leaf}[read.field.owner]
+        given, got = expected(tree, read.field)[rows], found[rows, start : start + width]
+        np.testing.assert_array_equal(got, given, err_msg=read.expression)
+
+
+@pytest.mark.parametrize("name", [name for name, layout in NODE_LAYOUTS.items() if layout.refs])
+def test_every_entry_of_a_kd_tree_s_list_is_read_back(name: str) -> None:
+    tree = random_kd(SEED)
+    packed = pack_nodes(tree, name)
+    text = shader({"REFS_AT": packed.refs_at}, [glsl(name)], 1, ["found[i] = node_ref(i);"])
+    found = device_reads(text, [packed.words], len(tree.refs), 1)
+    np.testing.assert_array_equal(found[:, 0], tree.refs)
+
+
+@pytest.mark.parametrize("layout", ["bare", "normal", "compact", "split"])
+def test_every_vertex_normal_and_id_is_read_back(layout: str) -> None:
+    rng = np.random.default_rng(SEED)
+    triangles = random_floats(rng, 777, 3, 3)
+    normals = None if layout == "bare" else random_floats(rng, 777, 3, 3)
+    order = rng.permutation(777).astype(np.int32)
+    packed = pack_primitives(triangles, normals, order, "normal" if layout == "bare" else layout)
+    statements = ["vec3 a, b, c;", "uint id;", "fetch_triangle(i, a, b, c, id);", "found[i * 19u + 18u] = id;"]
+    statements += [
+        f"found[i * 19u + {3 * k + j}u] = floatBitsToUint({'abc'[k]}[{j}]);" for k in range(3) for j in range(3)
+    ]
+    if normals is not None:
+        statements.append("fetch_normals(i, a, b, c);")
+        statements += [
+            f"found[i * 19u + {9 + 3 * k + j}u] = floatBitsToUint({'abc'[k]}[{j}]);" for k in range(3) for j in range(3)
+        ]
+    # The layouts have their buffers at bindings 1 and 2.
+    buffers = [np.zeros(4, np.uint32), packed.vertices, np.zeros(4, np.uint32)]
+    if packed.normals is not None:
+        buffers[2] = packed.normals
+    found = device_reads(shader({}, [f"layout_{layout}.glsl"], 3, statements), buffers, 777, 19)
+    np.testing.assert_array_equal(found[:, :9], bits(triangles[order]).reshape(-1, 9))
+    np.testing.assert_array_equal(found[:, 18], order)
+    if normals is not None:
+        np.testing.assert_array_equal(found[:, 9:18], bits(normals[order]).reshape(-1, 9))
