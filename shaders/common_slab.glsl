@@ -24,16 +24,27 @@ void slab_prepare() {
     slab_octant = (uint(backward.x) << 1) | (uint(backward.y) << 2) | (uint(backward.z) << 3);
 }
 
+// Where min() must look for NaN, an integer comparison need not. As integers, floats of which at least one is not
+// negative compare as floats do; of negative ones any will do, since entries are cut off at 0 and exits below 0 miss.
+float slab_first(ivec3 t) {
+    return intBitsToFloat(max(max(t.x, t.y), max(t.z, 0)));
+}
+
+float slab_last(ivec3 t) {
+    PRECISE vec3 last = intBitsToFloat(t) + slab_stay;
+    ivec3 bits = floatBitsToInt(last);
+    return intBitsToFloat(min(min(bits.x, bits.y), bits.z));
+}
+
+ivec3 slab_t(vec3 point) {
+    PRECISE vec3 t = (point - slab_origin) * slab_inverse;
+    return floatBitsToInt(t);
+}
+
 float slab_entry(vec3 lower, vec3 upper) {
-    PRECISE vec3 a = (lower - slab_origin) * slab_inverse;
-    PRECISE vec3 b = (upper - slab_origin) * slab_inverse;
-    vec3 t = min(a, b);
-    return max(max(t.x, t.y), max(t.z, 0.0));
+    return slab_first(min(slab_t(lower), slab_t(upper)));
 }
 
 float slab_exit(vec3 lower, vec3 upper) {
-    PRECISE vec3 a = (lower - slab_origin) * slab_inverse;
-    PRECISE vec3 b = (upper - slab_origin) * slab_inverse;
-    PRECISE vec3 t = max(a, b) + slab_stay;
-    return min(min(t.x, t.y), t.z);
+    return slab_last(max(slab_t(lower), slab_t(upper)));
 }
