@@ -175,7 +175,8 @@ class Twin:
                 return self.context.compute_shader(stages["compute"])
             return self.context.program(vertex_shader=stages["vertex"], fragment_shader=stages["fragment"])
         except moderngl.Error as error:
-            raise PlanError(f"The program {name} does not compile on this device: {error}") from error
+            first = next((line for line in str(error).splitlines() if "error" in line and ":" in line), str(error))
+            raise PlanError(f"The program {name} does not compile on this device: {first.strip()}") from error
 
     def _vertex_array(self, step: Pass) -> Any:
         program = self._programs[step.program]

@@ -29,7 +29,7 @@ class Traversal:
 
 TRAVERSALS: dict[str, Traversal] = {
     "brute-force": Traversal("none", "none", "every triangle against every ray"),
-    "bvh-stack": Traversal("bvh", "box", "one node a visit, while-while (Aila and Laine 2009)"),
+    "bvh-stack": Traversal("bvh", "box", "both children a visit, while-while (Aila and Laine 2009)"),
     "bvh-parent-link": Traversal("bvh", "box-parent", "Hapala et al. 2011", paper=True),
     "bvh-restart-trail": Traversal("bvh", "box", "Laine 2010", paper=True),
     "kd-push-down": Traversal("kd", "plane", "Horn et al. 2007", paper=True),

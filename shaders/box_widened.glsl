@@ -4,5 +4,5 @@ void box_prepare() {
 
 bool box_hit(vec3 lower, vec3 upper, out float entry) {
     entry = slab_entry(lower, upper);
-    return entry <= min(slab_exit(lower, upper), hit_t) * WIDEN;
+    return entry <= slab_least(slab_exit(lower, upper), hit_t) * WIDEN;
 }

@@ -36,6 +36,10 @@ float slab_last(ivec3 t) {
     return intBitsToFloat(min(min(bits.x, bits.y), bits.z));
 }
 
+float slab_least(float a, float b) {
+    return intBitsToFloat(min(floatBitsToInt(a), floatBitsToInt(b)));
+}
+
 ivec3 slab_t(vec3 point) {
     PRECISE vec3 t = (point - slab_origin) * slab_inverse;
     return floatBitsToInt(t);

@@ -9,22 +9,22 @@ void intersect(uint slot) {
     PRECISE vec3 ac = c - a;
     PRECISE vec3 p = cross(ray_direction, ac);
     PRECISE float inverse = 1.0 / dot(ab, p);
-    PRECISE vec3 s = ray_origin - a;
+    PRECISE vec3 s = slab_origin - a;
     PRECISE float u = dot(s, p) * inverse;
     PRECISE vec3 q = cross(s, ab);
     PRECISE float v = dot(ray_direction, q) * inverse;
     PRECISE float t = dot(ac, q) * inverse;
 
-    vec3 lower = min(a, min(b, c));
-    vec3 upper = max(a, max(b, c));
-    float entry = slab_entry(lower, upper);
-    PRECISE float leave = slab_exit(lower, upper) * WIDEN;
+    ivec3 at_a = slab_t(a);
+    ivec3 at_b = slab_t(b);
+    ivec3 at_c = slab_t(c);
+    float entry = slab_first(min(at_a, min(at_b, at_c)));
+    PRECISE float leave = slab_last(max(at_a, max(at_b, at_c))) * WIDEN;
     bool inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && entry <= leave;
     t = clamp(t, entry, leave);
     // The closest hit is the smallest t, then the smallest id (DESIGN.md, Accuracy).
-    if (inside && (t < hit_t || (t == hit_t && id < hit_id))) {
-        hit_t = t;
-        hit_slot = slot;
-        hit_id = id;
-    }
+    bool nearer = inside && (t < hit_t || (t == hit_t && id < hit_id));
+    hit_t = nearer ? t : hit_t;
+    hit_slot = nearer ? slot : hit_slot;
+    hit_id = nearer ? id : hit_id;
 }
