@@ -21,6 +21,9 @@ MAGIC = b"RAYFARM\0"
 VERSION = 1
 _ALIGN = 16
 
+GROUP = 8
+"""Compute passes run work groups of 8x8, as `shaders/render_compute.comp` declares."""
+
 Words = npt.NDArray[np.uint32]
 Uniform = tuple[str, list[float]]
 """A type (`int`, `uint`, `float`, `ivec2`, `uvec2`, `vec2`, `vec3`, `mat4` in column order) and its values, flat; more
@@ -95,6 +98,12 @@ class Plan:
     output: str
     needs: dict[str, int]
     left_out: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse tiles that work groups would overhang into the next tile."""
+        for tile, side in zip(self.tile, self.size, strict=True):
+            if tile < 1 or (tile < side and tile % GROUP):
+                raise PlanError(f"The tile {self.tile} must cover the image or be a multiple of {GROUP} a side.")
 
     @property
     def shader_sha(self) -> str:

@@ -12,10 +12,7 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from renderer.plan import Pass, Plan, PlanError, Texture, Uniform
-
-GROUP = 8
-"""Work groups are 8x8, as `shaders/render_compute.comp` declares."""
+from renderer.plan import GROUP, Pass, Plan, PlanError, Texture, Uniform
 
 _VECTORS = {"vec2": 2, "vec3": 3, "mat4": 16}
 

@@ -145,3 +145,8 @@ def test_a_device_at_the_limits_is_not_refused() -> None:
     check_limits(fake_device(COMPUTE_SHADER_STORAGE_BLOCKS=3, SHADER_STORAGE_BLOCK_SIZE=2048), PLAN)
     with pytest.raises(PlanError, match="GL_MAX_SHADER_STORAGE_BLOCK_SIZE = 2047; the plan needs 2048"):
         check_limits(fake_device(COMPUTE_SHADER_STORAGE_BLOCKS=3, SHADER_STORAGE_BLOCK_SIZE=2047), PLAN)
+
+
+def test_a_tile_that_work_groups_overhang_is_refused() -> None:
+    with pytest.raises(PlanError, match="multiple of 8"):
+        replace(PLAN, size=(64, 64), tile=(60, 64))
