@@ -212,10 +212,10 @@ class _Planner:
             "LIGHTS": len(self.scene.lights),
             "NORMALS": int(self.packed.normals),
         }
-        match self.variant.traversal:
-            case "bvh-stack":
+        match TRAVERSALS[self.variant.traversal].state:
+            case "stack":
                 defines["STACK_SIZE"] = max(depth, 1)
-            case "bvh-restart-trail":
+            case "trail":
                 defines["TRAIL_WORDS"] = 1 if depth <= 32 else 2
         if isinstance(self.tree, Kd):
             assert self.packed.nodes is not None
@@ -305,9 +305,10 @@ class _Planner:
         if not self.request.specialise:
             return []
         out = [] if self.packed.normals else ["vertex normals in the primitive buffers"]
-        if self.variant.traversal == "bvh-stack" and self.tree is not None:
+        state = TRAVERSALS[self.variant.traversal].state
+        if state == "stack" and self.tree is not None:
             out.append(f"{MAX_DEPTH - max(self.tree.depth, 1)} of {MAX_DEPTH} stack entries")
-        if self.variant.traversal == "bvh-restart-trail" and self.tree is not None and self.tree.depth <= 32:
+        if state == "trail" and self.tree is not None and self.tree.depth <= 32:
             out.append("the trail's second word")
         return out
 

@@ -18,6 +18,8 @@ class VariantError(ValueError):
 class Traversal:
     """One row of the traversal table: the structure it walks, its node layout in `renderer.pack`, its source.
 
+    `state` is what it keeps for each level of the tree: STACK_SIZE or TRAIL_WORDS is then sized from the depth.
+
     The GLSL file is `shaders/traversal_NAME.glsl` with `_` for `-`.
     """
 
@@ -25,13 +27,14 @@ class Traversal:
     nodes: str
     source: str
     paper: bool = False
+    state: Literal["none", "stack", "trail"] = "none"
 
 
 TRAVERSALS: dict[str, Traversal] = {
     "brute-force": Traversal("none", "none", "every triangle against every ray"),
-    "bvh-stack": Traversal("bvh", "box", "both children a visit, while-while (Aila and Laine 2009)"),
+    "bvh-stack": Traversal("bvh", "box", "both children a visit, while-while (Aila and Laine 2009)", state="stack"),
     "bvh-parent-link": Traversal("bvh", "box-parent", "Hapala et al. 2011", paper=True),
-    "bvh-restart-trail": Traversal("bvh", "box", "Laine 2010", paper=True),
+    "bvh-restart-trail": Traversal("bvh", "box", "Laine 2010", paper=True, state="trail"),
     "kd-push-down": Traversal("kd", "plane", "Horn et al. 2007", paper=True),
     "kd-backtrack": Traversal("kd", "plane-box", "Foley and Sugerman 2005", paper=True),
 }
