@@ -13,7 +13,7 @@ bool box_hit(vec3 lower, vec3 upper, out float entry) {
     PRECISE vec3 last = (mix(upper, lower, williams_sign) - ray_origin) * williams_inverse;
     float enter = first.x;
     float leave = last.x;
-    bool missed = enter > last.y || first.y > leave;
+    PRECISE bool missed = enter > last.y || first.y > leave;
     enter = first.y > enter ? first.y : enter;
     leave = last.y < leave ? last.y : leave;
     missed = missed || enter > last.z || first.z > leave;

@@ -70,11 +70,18 @@ def test_of_equal_t_the_smaller_id_is_the_hit(number: int, traversal: str) -> No
 
 @pytest.mark.parametrize("axis", ["+x", "-x", "+y", "-y", "+z", "-z"])
 def test_williams_loses_rays_along_an_axis(axis: str) -> None:
-    """Where a direction is 0 and a face lies at the origin its test compares NaN; the comparison must show that."""
-    found = run(made(f"along {axis}"), Variant("bvh-stack", "compute", box="williams"), SIZE).records
+    """Where a direction is 0 and a face lies at the origin its test compares NaN; the comparison must show that.
+
+    Every BVH traversal loses the same: where a compiler may turn comparisons round, NaN goes now here, now there.
+    """
+    scene = made(f"along {axis}")
+    found = run(scene, Variant("bvh-stack", "compute", box="williams"), SIZE).records
     lost = identical(found, brute(f"along {axis}").records)
     assert lost.rays == 0
-    assert 0 < lost.primitive <= 0.01 * len(found.primary)
+    assert 0 < lost.primitive <= 0.05 * len(found.primary)
+    for traversal in ("bvh-parent-link", "bvh-restart-trail"):
+        for method in ("compute", "fragment"):
+            assert identical(found, run(scene, Variant(traversal, method, box="williams"), SIZE).records).same
 
 
 def test_what_the_scenes_are_for() -> None:

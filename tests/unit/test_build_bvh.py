@@ -139,7 +139,7 @@ def test_the_median_makes_leaves_of_four_at_most() -> None:
 
 def test_duplicates_beyond_a_leaf_are_halved() -> None:
     tree = build_bvh(SOUPS["duplicates"](), SahCosts())
-    assert set(tree.count[tree.count > 0]) == {250}
+    assert set(tree.count[tree.count > 0]) == {62, 63}  # 1000 halved four times
 
 
 @pytest.mark.parametrize("bound", [13, 16, 20, 26])
