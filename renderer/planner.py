@@ -211,6 +211,7 @@ class _Planner:
             "INSTRUMENT": int(self.instrument),
             "LIGHTS": len(self.scene.lights),
             "NORMALS": int(self.packed.normals),
+            "SHADE": int(self.rays != "primary"),
         }
         match TRAVERSALS[self.variant.traversal].state:
             case "stack":
@@ -282,6 +283,7 @@ class _Planner:
             "view_up": ("vec3", view.up.tolist()),
             "lights": ("vec3", [value for light in self.scene.lights for value in light]),
             "budget_turns": ("uvec2", [2, 2]),
+            "scene_size": ("float", [self.scene.diagonal]),
             "shadow_offset": ("float", [self.scene.diagonal * SHADOW_OFFSET]),
         }
         if self.hybrid:

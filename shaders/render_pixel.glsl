@@ -1,10 +1,12 @@
 // One pixel, Whitted's way (paper section 3.1): a primary ray, then a shadow ray to each light from every hit, none
 // skipped for facing away. STAGE_PRIMARY and STAGE_SHADOW say which rays this pass traces; STATE_HITS, STATE_HIDDEN and
-// STATE_OUT say what of the rest it takes from and leaves to other passes.
+// STATE_OUT say what of the rest it takes from and leaves to other passes. Without SHADE, where primary rays alone are
+// timed, nothing of the surface is fetched and the picture shows distances.
 #include "common_budget.glsl"
 
 uniform vec3 lights[LIGHTS];
 uniform float shadow_offset;
+uniform float scene_size;  // the diagonal of the bounds
 
 #if STATE_HITS || STATE_HIDDEN || STATE_OUT
 layout(std430, binding = 3) restrict buffer State { uvec4 state[]; };  // t, slot, id, bit l: light l is hidden; bit 31: cut
@@ -48,6 +50,8 @@ vec4 render_pixel(ivec2 pixel) {
 #if STATE_OUT
     uvec3 found = uvec3(floatBitsToUint(hit_t), hit_slot, hit_id);
 #endif
+    vec3 colour = vec3(0.02, 0.03, 0.05);
+#if SHADE
     surface_locate(pixel);
     surface_from_hit();
 #if INSTRUMENT
@@ -78,6 +82,10 @@ vec4 render_pixel(ivec2 pixel) {
 #endif
         light += max(dot(surface_shading, towards), 0.0) * float(1u - ((hidden >> l) & 1u));
     }
+    colour = surface_hit ? vec3(0.08 + 0.92 * light / float(LIGHTS)) : colour;
+#else
+    colour = hit_id != NO_PRIMITIVE ? vec3(scene_size / (scene_size + hit_t)) : colour;
+#endif
     cut = cut || budget_spent();
 #if INSTRUMENT
     record_cut(at, cut);
@@ -86,6 +94,5 @@ vec4 render_pixel(ivec2 pixel) {
     state[pixel.y * image_size.x + pixel.x] = uvec4(found, hidden | (uint(cut) << 31));
 #endif
     // Alpha tells a pixel whose loops were all finished from one that was cut short.
-    vec3 colour = surface_hit ? vec3(0.08 + 0.92 * light / float(LIGHTS)) : vec3(0.02, 0.03, 0.05);
     return vec4(sqrt(colour), cut ? 0.0 : 1.0);
 }
