@@ -103,16 +103,17 @@ class _Planner:
     def plan(self) -> Plan:
         passes, programs = self._passes()
         stateful = any("state" in step.storage.values() for step in passes)
+        buffers = self._buffers(stateful)
         return Plan(
             size=self.request.size,
             tile=self._tile(),
-            buffers=tuple(self._buffers(stateful)),
+            buffers=tuple(buffers),
             textures=tuple(self._textures()),
             programs=tuple(programs),
             passes=tuple(passes),
             uniforms=self._uniforms(),
             output="image",
-            needs=self._needs(stateful),
+            needs=self._needs(stateful, buffers),
             left_out=tuple(self._left_out()),
         )
 
@@ -294,12 +295,12 @@ class _Planner:
             uniforms["root_upper"] = ("vec3", self.tree.upper[0].astype(float).tolist())
         return uniforms
 
-    def _needs(self, stateful: bool) -> dict[str, int]:
+    def _needs(self, stateful: bool, buffers: list[Buffer]) -> dict[str, int]:
         """Device limits by GL name, without the `GL_MAX_`."""
         blocks = 1 + (self.packed.nodes is not None) + (self.packed.primitives.normals is not None)
         blocks += stateful + self.instrument
         stage = "COMPUTE" if self.kind == "compute" else "FRAGMENT"
-        largest = max(buffer.nbytes for buffer in self._buffers(stateful))
+        largest = max(buffer.nbytes for buffer in buffers)
         return {f"{stage}_SHADER_STORAGE_BLOCKS": blocks, "SHADER_STORAGE_BLOCK_SIZE": largest}
 
     def _left_out(self) -> list[str]:

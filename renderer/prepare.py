@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from renderer.build.api import Builder, build
 from renderer.build.tree import Bvh, SahCosts, Tree
@@ -39,8 +39,6 @@ class Prepared:
 def prepare(request: Request) -> Prepared:
     """Load, build and pack; raise SceneError, BuildError or PackError with one sentence."""
     scene = load(request.scene)
-    if request.camera is not None:
-        scene = replace(scene, camera=request.camera)
     tree, build_ms = _tree(scene, request)
     return Prepared(request, scene, tree, build_ms, pack(scene, tree, request))
 

@@ -150,7 +150,7 @@ class Refused:
 def matrix(axes: Mapping[str, Sequence[str]], rays: str = "both") -> tuple[list[Variant], list[Refused]]:
     """Every combination of the given axis values, the valid ones and the refused ones apart.
 
-    Axes that are not named keep their default. A default that a structure cannot have is no reason to refuse.
+    Axes that are not named keep their default.
     """
     valid: list[Variant] = []
     refused: list[Refused] = []

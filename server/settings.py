@@ -23,14 +23,10 @@ def _default_database() -> str:
     return f"sqlite:///{data_folder() / 'rayfarm.sqlite'}"
 
 
-def _default_blobs() -> Path:
-    return data_folder() / "blobs"
-
-
 class Settings(BaseSettings):
     """Where the service listens and where it keeps things.
 
-    `database_url` is an SQLAlchemy URL. `blobs` is the folder of the blob store. `allowed_hosts` are the names under
+    `database_url` is an SQLAlchemy URL. `allowed_hosts` are the names under
     which the service may be addressed. `slice_timeout_s` bounds one slice, `lease_s` is how long a worker that shows
     no sign of life keeps its slice; both in seconds.
     """
@@ -38,7 +34,6 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="RAYFARM_")
 
     database_url: str = Field(default_factory=_default_database)
-    blobs: Path = Field(default_factory=_default_blobs)
     host: str = "127.0.0.1"
     port: int = Field(default=8710, ge=0, le=65535)
     allowed_hosts: tuple[str, ...] = ("localhost", "127.0.0.1", "[::1]")
