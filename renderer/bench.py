@@ -10,6 +10,7 @@ from renderer.interval import median, median_interval
 from renderer.request import Request
 
 Result = dict[str, Any]
+RunSlice = Callable[[Request, int], dict[str, Any]]
 
 _ERRORS = (
     "false_hit", "false_miss", "edge", "wrong_primitive", "t_rel_p99", "t_rel_max", "t_ulp_max", "shadow_mismatch",
@@ -26,8 +27,13 @@ def run_slice(request: Request, round_index: int, timeout_s: float = 900.0) -> d
     return run_child("renderer.slice", task, request.threads, timeout_s)
 
 
-def run_jobs(requests: Sequence[Request], progress: Callable[[Request, int], None]) -> list[Result | ChildError]:
-    """Run jobs here, interleaved in rounds, and return each one's result or the error that ended it."""
+def run_jobs(
+    requests: Sequence[Request], progress: Callable[[Request, int], None], run: RunSlice = run_slice
+) -> list[Result | ChildError]:
+    """Run jobs, interleaved in rounds, and return each one's result or the error that ended it.
+
+    `run` measures one slice, by default here on the twin; it raises ChildError with the reason when that fails.
+    """
     measured: list[list[dict[str, Any]]] = [[] for _ in requests]
     failed: dict[int, ChildError] = {}
     for round_index in range(max((request.rounds for request in requests), default=0)):
@@ -36,7 +42,7 @@ def run_jobs(requests: Sequence[Request], progress: Callable[[Request, int], Non
                 continue
             progress(request, round_index)
             try:
-                measured[i].append(run_slice(request, round_index))
+                measured[i].append(run(request, round_index))
             except ChildError as error:
                 failed[i] = error
     return [failed.get(i) or combine(request, measured[i]) for i, request in enumerate(requests)]
@@ -47,6 +53,7 @@ def combine(request: Request, measurements: list[dict[str, Any]]) -> Result:
     first = min(measurements, key=lambda measurement: int(measurement["round"]))
     wall = [time for measurement in measurements for time in measurement["frames"]["wall"]]
     cpu = [time for measurement in measurements for time in measurement["frames"]["cpu"]]
+    gpu = [time for measurement in measurements for time in measurement["frames"]["gpu"]]
     embree = [time for measurement in measurements for time in measurement["embree_cpu"]]
     timed = _rays_timed(request, first["rays"])
     frame = median(wall)
@@ -73,9 +80,10 @@ def combine(request: Request, measurements: list[dict[str, Any]]) -> Result:
         },
         "frames_ms": [time * 1e3 for time in wall],
         "frames_cpu_ms": [time * 1e3 for time in cpu],
+        "frames_gpu_ms": [None if time is None else time * 1e3 for time in gpu],
         "fps": 1 / frame,
         "mrays_per_s": timed / frame / 1e6,
-        "mrays_per_cpu_s": timed / median(cpu) / 1e6,
+        "mrays_per_cpu_s": timed / median(cpu) / 1e6 if cpu else None,
         "rays_timed": timed,
         "rays": first["rays"],
         "structure_bytes": first["structure_bytes"],
@@ -87,6 +95,7 @@ def combine(request: Request, measurements: list[dict[str, Any]]) -> Result:
         "error": {name: first["error"][name] for name in _ERRORS} | {"counts": first["error"]["counts"]},
         "vs_embree": _versus(timed, cpu, embree),
         "specialised": first["specialised"] if request.specialise else None,
+        "samples": [measurement["samples"] for measurement in measurements if measurement["samples"]],
         "load_average": max(measurement["load_average"] for measurement in measurements),
         "versions": first["versions"],
         "started_at": first["started_at"],

@@ -1,78 +1,154 @@
-"""Work in a fresh child process that holds the host's lock: both ends of it.
+"""Work in a fresh child process: both ends of it. Between them stands `renderer.leash`, which ends the child in time.
 
-The task goes in as JSON on standard input, the answer comes out as JSON on the last line of standard output.
+The task goes down as one line of JSON on standard input. Up come lines of JSON on standard output: `{"phase": P}` as
+the work goes on, and last `{"answer": A}`, or `{"error": SENTENCE, "gone": whether the device went away}`.
 """
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
-import signal
-import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager, suppress
 from typing import Any
 
 from renderer.build.api import BuildError
-from renderer.host import end_with_parent, measuring
+from renderer.host import DeviceGoneError
 from renderer.pack.nodes import PackError
 from renderer.plan import PlanError
+from renderer.process import end_with_parent
 from renderer.request import RequestError
 from scenes.scene import SceneError
 
 Json = dict[str, Any]
+Say = Callable[[str], None]
+"""Told each phase of the work."""
+AsyncSay = Callable[[str], Awaitable[None]]
 
 SPOKEN = (SceneError, BuildError, PackError, PlanError, RequestError)
 """Errors whose message is a sentence for the user."""
+
+LEASE_S = 60.0
+"""A child ends when its parent gave no sign of life for this long."""
+MAX_LINE = 256 << 20
 
 
 class ChildError(RuntimeError):
     """A child that gave no answer; the message is one sentence."""
 
 
-def run_child(module: str, task: Json, threads: int, timeout_s: float) -> Json:
+def silent(_phase: str) -> None:
+    """Say nothing."""
+
+
+def run_child(module: str, task: Json, threads: int, timeout_s: float, say: Say = silent) -> Json:
     """Run `python -m module` on a task with `threads` rasteriser threads and return its answer.
 
     The child ends with this process. Raise ChildError with its reason when it fails or works for longer than
-    `timeout_s` seconds; waiting for other work on this host does not count.
+    `timeout_s` seconds (its phase `waiting` does not count), DeviceGoneError when its device went away.
     """
-    done = subprocess.run(
-        [sys.executable, "-m", module],
-        input=json.dumps({"parent": os.getpid(), "timeout_s": timeout_s, "work": task}),
-        capture_output=True,
-        text=True,
-        env=os.environ | {"LP_NUM_THREADS": str(threads), "PYTHONUNBUFFERED": "1"},
-        check=False,
-    )
-    if done.returncode == -signal.SIGALRM:
-        raise ChildError(f"The run was ended after {timeout_s:g} s, its time limit.")
-    answer = _last_json(done.stdout)
-    if done.returncode != 0 or answer is None:
-        last = (done.stderr.strip().splitlines() or ["nothing on standard error"])[-1]
-        raise ChildError(f"The run ended with code {done.returncode}: {last}")
-    if set(answer) == {"error"}:
-        raise ChildError(answer["error"])
-    return answer
+
+    async def tell(phase: str) -> None:
+        say(phase)
+
+    return asyncio.run(run_child_async(module, task, threads, timeout_s, tell))
 
 
-def answer_task(work: Callable[[Json], Json]) -> None:
-    """The child's end: read one task, hold the host while working on it, print the answer or the spoken error."""
-    task = json.load(sys.stdin)
-    end_with_parent(task["parent"])
+async def run_child_async(
+    module: str,
+    task: Json,
+    threads: int,
+    timeout_s: float,
+    say: AsyncSay,
+    *,
+    lease_s: float = LEASE_S,
+    has_lease: Callable[[], bool] = lambda: True,
+) -> Json:
+    """The same, to be cancelled: the child is gone before the cancellation goes on.
+
+    The child is also ended when this process is stopped, or `has_lease` has been false, for `lease_s` seconds.
+    """
+    order = {"parent": os.getpid(), "module": module, "timeout_s": timeout_s, "lease_s": lease_s, "task": task}
+    async with _leashed(order, threads) as leash:
+        assert leash.stdin is not None
+        assert leash.stdout is not None
+        pulse = asyncio.create_task(_pulse(leash.stdin, lease_s / 4, has_lease))
+        try:
+            return await _follow(leash.stdout, say)
+        finally:
+            pulse.cancel()
+
+
+def answer_task(work: Callable[[Json, Say], Json]) -> None:
+    """The child's end: read one task, work on it, print the answer or the spoken error."""
+    order = json.loads(sys.stdin.readline())
+    end_with_parent(order["parent"])
+    last: Json
     try:
-        with measuring():
-            # Its default action ends the process, whatever a driver is doing.
-            signal.setitimer(signal.ITIMER_REAL, task["timeout_s"])
-            answer = work(task["work"])
+        last = {"answer": work(order["task"], lambda phase: _print({"phase": phase}))}
     except SPOKEN as error:
-        answer = {"error": str(error)}
-    print(json.dumps(answer))
+        last = {"error": str(error), "gone": False}
+    except DeviceGoneError as error:
+        last = {"error": str(error), "gone": True}
+    _print(last)
 
 
-def _last_json(text: str) -> Json | None:
-    lines = text.strip().splitlines()
+@asynccontextmanager
+async def _leashed(order: Json, threads: int) -> AsyncIterator[asyncio.subprocess.Process]:
+    leash = await asyncio.create_subprocess_exec(
+        sys.executable,
+        "-m",
+        "renderer.leash",
+        stdin=asyncio.subprocess.PIPE,
+        stdout=asyncio.subprocess.PIPE,
+        env=os.environ | {"LP_NUM_THREADS": str(threads), "PYTHONUNBUFFERED": "1"},
+        limit=MAX_LINE,
+    )
+    assert leash.stdin is not None
     try:
-        answer = json.loads(lines[-1]) if lines else None
+        leash.stdin.write(json.dumps(order).encode() + b"\n")
+        yield leash
+    finally:
+        # At the end of its input the leash ends its child, waits for it, and goes; however often this is cancelled.
+        leash.stdin.close()
+        gone = asyncio.ensure_future(leash.wait())
+        while not gone.done():
+            with suppress(asyncio.CancelledError):
+                await asyncio.shield(gone)
+
+
+async def _pulse(to: asyncio.StreamWriter, every_s: float, has_lease: Callable[[], bool]) -> None:
+    while True:
+        await asyncio.sleep(every_s)
+        if has_lease():
+            to.write(b"\n")
+
+
+async def _follow(source: asyncio.StreamReader, say: AsyncSay) -> Json:
+    last: Json = {"error": "The run ended without an answer.", "gone": False}
+    async for line in source:
+        message = _read(line)
+        if "phase" in message:
+            await say(message["phase"])
+        elif message:
+            last = message
+    if "answer" in last:
+        answer: Json = last["answer"]
+        return answer
+    raise (DeviceGoneError if last["gone"] else ChildError)(last["error"])
+
+
+def _read(line: bytes) -> Json:
+    """A message, or an empty one for what a library printed."""
+    try:
+        message = json.loads(line)
     except ValueError:
-        return None
-    return answer if isinstance(answer, dict) else None
+        return {}
+    known = isinstance(message, dict) and message.keys() & {"phase", "answer", "error"}
+    return message if known else {}
+
+
+def _print(message: Json) -> None:
+    print(json.dumps(message), flush=True)

@@ -13,13 +13,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from renderer.child import Json, answer_task, run_child
-from renderer.instrumented import instrumented
+from renderer.child import Json, Say, answer_task, run_child
+from renderer.instrumented import records_of
+from renderer.locks import holding, machine_lock
 from renderer.planner import in_passes
 from renderer.prepare import Prepared, prepare
 from renderer.records import COUNTERS, Records
 from renderer.request import Request, RequestError
-from renderer.twin import open_context
+from renderer.twin_host import TwinHost
 
 Counts = npt.NDArray[np.int64]
 
@@ -91,11 +92,15 @@ def _refuse_uncounted(prepared: Prepared) -> None:
         )
 
 
-def _work(task: Json) -> Json:
+def _work(task: Json, say: Say) -> Json:
     request = Request.from_json(task["request"])
-    prepared = prepare(request)
-    _refuse_uncounted(prepared)
-    counts = count_pixels(instrumented(prepared, open_context()), request.rays, task["metric"])
+    with holding(machine_lock(), lambda: say("waiting")):
+        say("running")
+        prepared = prepare(request)
+        _refuse_uncounted(prepared)
+        plan = prepared.plan(instrument=True)
+        records = records_of(prepared, plan, TwinHost(request.threads).collect(plan))
+    counts = count_pixels(records, request.rays, task["metric"])
     np.save(task["counts"], counts)
     return {"saved": task["counts"]}
 

@@ -1,52 +1,68 @@
-"""This host and its processes: one measurement at a time, and children that end with their parent."""
+"""What a host offers: the twin and the phone's agent both run plans, and nothing else (DESIGN.md)."""
 
 from __future__ import annotations
 
-import ctypes
-import fcntl
-import os
-import signal
-import sys
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, Protocol
 
-_PR_SET_PDEATHSIG = 1
+import numpy as np
+import numpy.typing as npt
 
+from renderer.plan import Plan
 
-def lock_path() -> Path:
-    """The lock's file, one for all users of this host."""
-    return Path(tempfile.gettempdir()) / "rayfarm-measuring.lock"
+WARM_UP = 1
+"""Frames run and dropped before the timed ones: the first compiles."""
 
-
-@contextmanager
-def measuring(path: Path | None = None) -> Iterator[None]:
-    """Wait until nothing else is measured on this host, and hold the host until the end of the block."""
-    handle = _open(path or lock_path())
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(handle)
+Tile = tuple[tuple[int, int, int, int], npt.NDArray[np.uint32]]
+"""A collected tile: (x, y, width, height) in pixels, and its buffer's words."""
 
 
-def end_with_parent(parent: int, how: int = signal.SIGKILL) -> None:
-    """Ask the kernel to end this process when process `parent` does; call it from the main thread.
+class DeviceGoneError(RuntimeError):
+    """A device that went away while it was used; the same work may succeed when it is back."""
 
-    Linux only; elsewhere the parent's own clean-up has to do.
+
+@dataclass
+class Frames:
+    """Times of the frames in the order run, in seconds.
+
+    `wall` is to completion; `cpu` is the host process's CPU time; `gpu` the GPU's own timer. `cpu` and `gpu` are empty
+    where the host cannot tell them; a `gpu` time is None where the driver withdrew it (a disjoint interval).
     """
-    if not sys.platform.startswith("linux"):
-        return
-    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, how)
-    if os.getppid() != parent:
-        raise SystemExit(0)
+
+    wall: list[float] = field(default_factory=list)
+    cpu: list[float] = field(default_factory=list)
+    gpu: list[float | None] = field(default_factory=list)
 
 
-def _open(path: Path) -> int:
-    # Another user's file in a sticky folder may be opened for reading but not with O_CREAT; a lock needs no more.
-    flags = os.O_RDONLY | os.O_CLOEXEC
-    try:
-        return os.open(path, flags)
-    except FileNotFoundError:
-        return os.open(path, flags | os.O_CREAT, 0o644)
+@dataclass(frozen=True, eq=False)
+class Timed:
+    """Timed frames: their times, the seconds until the first frame was done, the output (height, width, 4) with row 0
+    at the bottom, and what the device's counters said beside each frame."""
+
+    frames: Frames
+    compile_s: float
+    image: npt.NDArray[np.uint8]
+    samples: dict[str, Any] | None = None
+
+
+class Host(Protocol):
+    """Runs plans. Every method raises PlanError with one sentence, and DeviceGoneError when the device goes away."""
+
+    @property
+    def lock(self) -> Path:
+        """The file whose lock is held while the device runs."""
+
+    @property
+    def paces(self) -> bool:
+        """Whether `between` of `measure` is called: work of ours can be put between two frames."""
+
+    def device(self) -> dict[str, Any]:
+        """The result's `device`."""
+
+    def collect(self, plan: Plan) -> list[Tile]:
+        """Run one frame of an instrumented plan and return its collected tiles."""
+
+    def measure(self, plan: Plan, frames: int, between: Callable[[], None]) -> Timed:
+        """Time `frames` frames after WARM_UP others, each to completion, with `between` after each."""

@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
-from renderer.plan import PlanError
+from renderer.host import Tile
+from renderer.plan import Plan, PlanError
 from renderer.prepare import Prepared
 from renderer.readback import read_records
 from renderer.records import Records
-from renderer.twin import Twin
 
 
 class CutShortError(PlanError):
     """Loops that the device stopped before they were done."""
 
 
-def instrumented(prepared: Prepared, context: Any) -> Records:
-    """The records of one image on a moderngl `context`; raise CutShortError when the device cut any ray short."""
-    plan = prepared.plan(instrument=True)
-    twin = Twin(context, plan)
-    twin.setup()
+def records_of(prepared: Prepared, plan: Plan, tiles: Sequence[Tile]) -> Records:
+    """The records of one image from an instrumented plan's tiles; raise CutShortError when any ray was cut short."""
     hybrid = prepared.request.variant.method == "hybrid"
-    records = read_records(plan.size, plan.tile, len(prepared.scene.lights), twin.collect(), rasterised=hybrid)
-    twin.release()
+    records = read_records(plan.size, plan.tile, len(prepared.scene.lights), tiles, rasterised=hybrid)
     refuse_cut(int(records.cut.sum()))
     return records
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -150,6 +150,17 @@ def load_plan(path: Path) -> Plan:
         needs=header["needs"],
         left_out=tuple(header["left_out"]),
     )
+
+
+def refuse_beyond(limits: Mapping[str, int], plan: Plan) -> None:
+    """Raise PlanError naming the limit, what is needed and what the device has.
+
+    `limits` are the device's by GL name without `GL_MAX_`; one that a host does not know refuses nothing.
+    """
+    for name, needed in plan.needs.items():
+        offered = limits.get(name)
+        if offered is not None and needed > offered:
+            raise PlanError(f"This device offers GL_MAX_{name} = {offered}; the plan needs {needed}.")
 
 
 def _header(plan: Plan) -> tuple[dict[str, Any], list[memoryview]]:

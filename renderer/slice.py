@@ -6,86 +6,113 @@
 from __future__ import annotations
 
 import os
-import platform
 import time
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import partial
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from renderer.accuracy import judge
-from renderer.child import answer_task
-from renderer.instrumented import instrumented, refuse_cut
+from renderer.child import Say, answer_task, silent
+from renderer.host import Host
+from renderer.instrumented import records_of, refuse_cut
+from renderer.locks import holding, machine_lock
 from renderer.oracle import Oracle
 from renderer.plan import VERSION, Plan
 from renderer.planner import in_passes
 from renderer.prepare import Prepared, prepare
 from renderer.records import COUNTERS, Records
 from renderer.request import Request
-from renderer.twin import Frames, Twin, open_context
+from renderer.twin_host import TwinHost
 
 Measurement = dict[str, Any]
 
-WARM_UP = 1
-"""Frames run and dropped before the timed ones: the first compiles."""
 
+def measure(request: Request, round_index: int, host: Host, say: Say = silent) -> Measurement:
+    """Measure one round on `host`: counters and errors in the first round, frame times in each.
 
-def measure(request: Request, round_index: int) -> Measurement:
-    """Measure one round here: counters and errors in the first round, frame times in each."""
+    `say` is told each phase: `waiting` for a lock, `preparing`, `running`, `judging`. Our own heavy work holds this
+    machine's lock, the run holds the device's.
+    """
     started = datetime.now(UTC).isoformat(timespec="seconds")
-    prepared = prepare(request)
-    context = open_context()
-    wants_records = round_index == 0 or request.vs_embree
-    records = instrumented(prepared, context) if wants_records else None
-    oracle = None
-    if request.vs_embree or (round_index == 0 and request.check != "none"):
-        oracle = Oracle(prepared.scene.vertices, prepared.scene.faces)
-
-    plan = prepared.plan(instrument=False)
-    against = None
-    if request.vs_embree and oracle is not None and records is not None:
-        against = _embree_frame(request, oracle, records)
-    frames, embree, compile_s = _timed(context, plan, _frames_of(request, round_index), against)
+    with _phase("preparing", machine_lock(), say):
+        ready = _make_ready(request, round_index, host)
+    with _phase("running", host.lock, say):
+        device = host.device()
+        records = _records(ready, host)
+        against = _against(ready, records)
+        embree: list[float] = []
+        if against is not None:
+            against()
+        timed = host.measure(
+            ready.timed,
+            _frames_of(request, round_index),
+            lambda: embree.append(against()) if against is not None else None,
+        )
+        refuse_cut(int((timed.image[..., 3] == 0).sum()))
     measurement: Measurement = {
         "round": round_index,
         "started_at": started,
-        "device": _device(context, request),
-        "frames": asdict(frames),
+        "device": device,
+        "frames": asdict(timed.frames),
+        "samples": timed.samples,
         "embree_cpu": embree,
-        "compile_s": compile_s,
+        "compile_s": timed.compile_s,
         "load_average": os.getloadavg()[0],
     }
     if round_index == 0:
         assert records is not None
-        errors = judge(prepared.scene.triangles, records, oracle, _referee_tree(prepared), request.check)
-        measurement |= _facts(prepared, plan, records) | {"error": asdict(errors)}
+        with _phase("judging", machine_lock(), say):
+            tree = ready.prepared.referee_tree() if request.check == "referee" else None
+            errors = judge(ready.prepared.scene.triangles, records, ready.oracle, tree, request.check)
+        measurement |= _facts(ready.prepared, ready.timed, records) | {"error": asdict(errors)}
     return measurement
 
 
-def _referee_tree(prepared: Prepared) -> Any:
-    return prepared.referee_tree() if prepared.request.check == "referee" else None
+@dataclass(frozen=True, eq=False)
+class _Ready:
+    """What one round needs before a device is touched; the instrumented plan only where its records are wanted."""
+
+    prepared: Prepared
+    timed: Plan
+    instrumented: Plan | None
+    oracle: Oracle | None
 
 
-def _timed(
-    context: Any, plan: Plan, count: int, against: Callable[[], float] | None
-) -> tuple[Frames, list[float], float]:
-    """Frame times, Embree's CPU seconds between the frames, and the seconds until the first frame was done."""
-    begun = time.perf_counter()
-    twin = Twin(context, plan)
-    twin.setup()
-    for _ in range(WARM_UP):
-        twin.frame()
-    compile_s = time.perf_counter() - begun
-    embree: list[float] = []
-    if against is not None:
-        against()
-    frames = twin.time_frames(count, lambda: embree.append(against()) if against is not None else None)
-    refuse_cut(int((twin.image()[..., 3] == 0).sum()))
-    return frames, embree, compile_s
+def _make_ready(request: Request, round_index: int, host: Host) -> _Ready:
+    prepared = prepare(request)
+    first, paced = round_index == 0, request.vs_embree and host.paces
+    oracle = None
+    if paced or (first and request.check != "none"):
+        oracle = Oracle(prepared.scene.vertices, prepared.scene.faces)
+    instrumented = prepared.plan(instrument=True) if first or paced else None
+    return _Ready(prepared, prepared.plan(instrument=False), instrumented, oracle)
+
+
+def _records(ready: _Ready, host: Host) -> Records | None:
+    if ready.instrumented is None:
+        return None
+    return records_of(ready.prepared, ready.instrumented, host.collect(ready.instrumented))
+
+
+def _against(ready: _Ready, records: Records | None) -> Callable[[], float] | None:
+    request = ready.prepared.request
+    if not request.vs_embree or ready.oracle is None or records is None:
+        return None
+    return _embree_frame(request, ready.oracle, records)
+
+
+@contextmanager
+def _phase(name: str, lock: Path, say: Say) -> Iterator[None]:
+    with holding(lock, lambda: say("waiting")):
+        say(name)
+        yield
 
 
 def _embree_frame(request: Request, oracle: Oracle, records: Records) -> Callable[[], float]:
@@ -148,22 +175,9 @@ def _per_ray(prepared: Prepared, records: Records) -> dict[str, float] | None:
     return figures | {"bytes": figures.pop("words") * 4}
 
 
-def _device(context: Any, request: Request) -> dict[str, Any]:
-    info = context.info
-    return {
-        "id": "llvmpipe" if "llvmpipe" in info["GL_RENDERER"] else "egl",
-        "kind": "twin",
-        "name": info["GL_RENDERER"],
-        "driver": info["GL_VERSION"],
-        "vendor": info["GL_VENDOR"],
-        "threads": request.threads,
-        "cores": os.cpu_count(),
-        "machine": platform.machine(),
-    }
-
-
-def _work(task: dict[str, Any]) -> Measurement:
-    return measure(Request.from_json(task["request"]), task["round"])
+def _work(task: dict[str, Any], say: Say) -> Measurement:
+    request = Request.from_json(task["request"])
+    return measure(request, task["round"], TwinHost(request.threads), say)
 
 
 if __name__ == "__main__":

@@ -5,24 +5,16 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from typing import Any
 
 import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from renderer.plan import GROUP, Pass, Plan, PlanError, Texture, Uniform
+from renderer.host import Frames, Tile
+from renderer.plan import GROUP, Pass, Plan, PlanError, Texture, Uniform, refuse_beyond
 
 _VECTORS = {"vec2": 2, "vec3": 3, "mat4": 16}
-
-
-@dataclass
-class Frames:
-    """Times of the frames in the order run, in seconds: `wall` to completion, and the process's CPU time."""
-
-    wall: list[float] = field(default_factory=list)
-    cpu: list[float] = field(default_factory=list)
 
 
 def open_context() -> Any:
@@ -74,11 +66,11 @@ class Twin:
             between()
         return frames
 
-    def collect(self) -> Iterator[tuple[tuple[int, int, int, int], npt.NDArray[np.uint32]]]:
-        """Run one frame and yield each collected tile as ((x, y, width, height), its buffer's words)."""
-        collected: list[tuple[tuple[int, int, int, int], npt.NDArray[np.uint32]]] = []
+    def collect(self) -> list[Tile]:
+        """Run one frame and return its collected tiles."""
+        collected: list[Tile] = []
         self._run("frame", collected)
-        yield from collected
+        return collected
 
     def image(self) -> npt.NDArray[np.uint8]:
         """The output, (height, width, 4), row 0 at the bottom."""
@@ -95,7 +87,7 @@ class Twin:
 
     # Running
 
-    def _run(self, phase: str, collected: list[Any] | None) -> None:
+    def _run(self, phase: str, collected: list[Tile] | None) -> None:
         for step in self.plan.passes:
             if step.phase != phase:
                 continue
@@ -204,7 +196,5 @@ class Twin:
 
 def check_limits(context: Any, plan: Plan) -> None:
     """Raise PlanError naming the limit, what is needed and what the device has."""
-    for name, needed in plan.needs.items():
-        offered = context.info.get(f"GL_MAX_{name}")
-        if offered is not None and needed > offered:
-            raise PlanError(f"This device offers GL_MAX_{name} = {offered}; the plan needs {needed}.")
+    offered = {name.removeprefix("GL_MAX_"): value for name, value in context.info.items()}
+    refuse_beyond(offered, plan)

@@ -1,0 +1,13 @@
+package android.opengl;
+
+/** Stands in for Android's class on the desktop. */
+public class EGLConfig extends EGLObjectHandle {
+    EGLConfig(long handle) {
+        super(handle);
+    }
+
+    @Override
+    public boolean equals(Object other) {
+        return same(other);
+    }
+}

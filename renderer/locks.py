@@ -1,0 +1,52 @@
+"""Locks between the processes of one machine: one measurement at a time on it, and one on each phone."""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+def machine_lock() -> Path:
+    """The lock of this machine's processor, one for all its users: held by llvmpipe runs and our own heavy work."""
+    return _folder() / "rayfarm-measuring.lock"
+
+
+def device_lock(device: str) -> Path:
+    """The lock of a device with this id."""
+    return _folder() / f"rayfarm-device-{hashlib.sha256(device.encode()).hexdigest()[:16]}.lock"
+
+
+@contextmanager
+def holding(path: Path, when_busy: Callable[[], None] = lambda: None) -> Iterator[None]:
+    """Wait until nobody else holds the lock (after one call of `when_busy`), and hold it to the end of the block.
+
+    The kernel frees it when the holding process is gone, however it ended.
+    """
+    handle = _open(path)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            when_busy()
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _folder() -> Path:
+    return Path(tempfile.gettempdir())
+
+
+def _open(path: Path) -> int:
+    # Another user's file in a sticky folder may be opened for reading but not with O_CREAT; a lock needs no more.
+    flags = os.O_RDONLY | os.O_CLOEXEC
+    try:
+        return os.open(path, flags)
+    except FileNotFoundError:
+        return os.open(path, flags | os.O_CREAT, 0o644)
