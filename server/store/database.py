@@ -1,29 +1,27 @@
-"""Opening the database: engine, transactions, migrations."""
+"""Opening the database: transactions, migrations."""
 
 from __future__ import annotations
 
-import sqlite3
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from alembic import command
 from alembic.config import Config
-from sqlalchemy import URL, Connection, Engine, create_engine, event, text
-from sqlalchemy.engine import make_url
-from sqlalchemy.exc import ArgumentError, NoSuchModuleError, OperationalError
+from alembic.util import CommandError
+from sqlalchemy import Connection, Engine, text
+from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
+from server.store.engines import BUSY_S, make_engine, reading_engine, writing_engine
+from server.store.errors import DatabaseError, explain, shown
+
+__all__ = ["Database", "DatabaseError", "upgrade"]
+
 MIGRATIONS = Path(__file__).resolve().parent.parent / "migrations"
-BUSY_S = 30.0
 _UPGRADING = threading.Lock()  # Alembic keeps the migration's context in module globals.
-
-
-class DatabaseError(ValueError):
-    """A database that cannot be opened; the message is one sentence that says what to do."""
+_MIGRATION_LOCK = 0x7261_7966_6172_6D  # "rayfarm": PostgreSQL's advisory locks have numbers for names.
 
 
 class Database:
@@ -31,30 +29,31 @@ class Database:
 
     def __init__(self, url: str) -> None:
         """Open `url`, creating a missing SQLite file and its folder, and bring the tables up to date."""
-        try:
-            self.engine = _engine(url)
-        except OSError as error:
-            raise DatabaseError(f"The folder of the database {url!r} cannot be made: {error.strerror}.") from error
-        # Readers need no lock in WAL mode; a writer takes its lock at once, since SQLite refuses (without waiting)
-        # to turn a reading transaction into a writing one when another process has written in between.
-        self._writer = self.engine.execution_options(immediate=True)
-        shown = self.engine.url.render_as_string(hide_password=True)
+        self.engine = make_engine(url)
+        self._reader = reading_engine(self.engine)
+        self._writer = writing_engine(self.engine)
         try:
             upgrade(self.engine)
-        except OperationalError as error:
+        except DBAPIError as error:
             self.close()
-            reason = str(error.orig).strip().splitlines()[0].rstrip(".")
-            raise DatabaseError(f"The database {shown} cannot be opened: {reason}.") from error
+            raise explain(self.engine.url, error) from error
+        except CommandError as error:
+            self.close()
+            newer = f"The database {shown(self.engine.url)} was written by a later RayFarm: update this one"
+            raise DatabaseError(f"{newer} ({error}).") from error
 
     @contextmanager
     def reading(self) -> Iterator[Session]:
-        """A session that only reads."""
-        with Session(self.engine) as session:
+        """A session that only reads, one state of the database."""
+        with Session(self._reader) as session:
             yield session
 
     @contextmanager
     def writing(self) -> Iterator[Session]:
-        """A session whose changes are committed at the end, all or none."""
+        """A session whose changes are committed at the end, all or none.
+
+        What it decides on it reads `with_for_update`: only SQLite has one writer at a time.
+        """
         with Session(self._writer, expire_on_commit=False) as session, session.begin():
             yield session
 
@@ -72,54 +71,14 @@ def upgrade(engine: Engine) -> None:
     """Run the migrations that the database has not seen; two processes may do this at once."""
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
-    with _UPGRADING, engine.execution_options(immediate=True).begin() as connection:
+    with _UPGRADING, writing_engine(engine).begin() as connection:
+        _wait_for_turn(connection)
         config.attributes["connection"] = connection
         command.upgrade(config, "head")
 
 
-def _engine(url: str) -> Engine:
-    try:
-        parsed = make_url(url)
-    except ArgumentError as error:
-        raise DatabaseError(f"{url!r} is no database URL: write sqlite:///FILE or postgresql://...") from error
-    if parsed.get_backend_name() != "sqlite":
-        return _other_engine(parsed)
-    if parsed.database:
-        Path(parsed.database).expanduser().parent.mkdir(parents=True, exist_ok=True)
-    engine = create_engine(parsed, connect_args={"timeout": BUSY_S})
-    event.listen(engine, "connect", _prepare_sqlite)
-    event.listen(engine, "begin", _begin_sqlite)
-    return engine
-
-
-def _other_engine(url: URL) -> Engine:
-    try:
-        return create_engine(url)
-    except (ModuleNotFoundError, NoSuchModuleError) as error:
-        raise DatabaseError(f"No driver is installed for {url.drivername} databases: {error}.") from error
-
-
-def _prepare_sqlite(connection: sqlite3.Connection, _record: Any) -> None:
-    # The driver's own transaction handling is off: `_begin_sqlite` says BEGIN itself.
-    connection.isolation_level = None
-    _use_wal(connection)
-    for pragma in ("synchronous = NORMAL", "foreign_keys = ON"):
-        connection.execute(f"PRAGMA {pragma}").close()
-
-
-def _use_wal(connection: sqlite3.Connection) -> None:
-    # SQLite does not apply its busy timeout to a change of the journal mode, and two processes may start at once.
-    deadline = time.monotonic() + BUSY_S
-    while True:
-        try:
-            connection.execute("PRAGMA journal_mode = WAL").close()
-            return
-        except sqlite3.OperationalError:
-            if time.monotonic() > deadline:
-                raise
-            time.sleep(0.05)
-
-
-def _begin_sqlite(connection: Connection) -> None:
-    immediate = connection.get_execution_options().get("immediate", False)
-    connection.exec_driver_sql("BEGIN IMMEDIATE" if immediate else "BEGIN")
+def _wait_for_turn(connection: Connection) -> None:
+    # SQLite's transaction has the only write lock by now; both locks go with the transaction.
+    if connection.dialect.name == "postgresql":
+        connection.execute(text(f"SET LOCAL lock_timeout = '{BUSY_S * 1000:.0f}ms'"))
+        connection.execute(text("SELECT pg_advisory_xact_lock(:number)"), {"number": _MIGRATION_LOCK})

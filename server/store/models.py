@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, Literal
 
 from sqlalchemy import JSON, DateTime, Dialect, ForeignKey, Index, String, Text, TypeDecorator, UniqueConstraint
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
@@ -12,6 +12,12 @@ from renderer.variant import AXES
 from server.store.states import State
 
 Json = dict[str, Any]
+Presence = Literal["connecting", "online", "offline", "unauthorized"]
+
+LLVMPIPE = "llvmpipe"
+"""The device of jobs that any llvmpipe host may run."""
+NORMAL_PRIORITY = 100
+"""The priority of jobs that name none: 1 is the most urgent."""
 
 
 def now() -> datetime:
@@ -39,7 +45,13 @@ class UtcTime(TypeDecorator[datetime]):
 class Base(DeclarativeBase):
     """The base of every table."""
 
-    type_annotation_map = {datetime: UtcTime, Json: JSON(none_as_null=True), list[Any]: JSON, State: String(16)}  # noqa: RUF012
+    type_annotation_map = {  # noqa: RUF012
+        datetime: UtcTime,
+        Json: JSON(none_as_null=True),
+        list[Any]: JSON,
+        State: String(16),
+        Presence: String(16),
+    }
 
 
 class Study(Base):
@@ -55,9 +67,9 @@ class Study(Base):
 
 
 class Job(Base):
-    """One variant on one scene; `request` is `renderer.request.Request` as JSON.
+    """One variant on one scene on one device; `request` is `renderer.request.Request` as JSON.
 
-    All jobs of a study have the same `created_at`: slices are taken in the order (created_at, round, job).
+    `device` is `llvmpipe` (any host that has it) or a `Device`. Jobs of a smaller `priority` are taken first.
     """
 
     __tablename__ = "jobs"
@@ -67,6 +79,8 @@ class Job(Base):
     scene: Mapped[str] = mapped_column(String(200))
     label: Mapped[str] = mapped_column(String(300))
     request: Mapped[Json]
+    device: Mapped[str] = mapped_column(String(200), default=LLVMPIPE, index=True)
+    priority: Mapped[int] = mapped_column(default=NORMAL_PRIORITY)
     state: Mapped[State] = mapped_column(default="queued", index=True)
     reason: Mapped[str | None] = mapped_column(Text)
     created_at: Mapped[datetime] = mapped_column(default=now)
@@ -79,7 +93,10 @@ class Job(Base):
 
 
 class Slice(Base):
-    """One round of one job. `worker` holds it since its last claim; `beat_at` is that worker's last sign of life."""
+    """One round of one job. `workflow` on `queue` is the durable workflow that will run it or runs it.
+
+    `worker` holds it since its last claim, which counted `attempts` up; only that attempt's outcome is taken.
+    """
 
     __tablename__ = "slices"
     __table_args__ = (UniqueConstraint("job_id", "round"), Index("ix_slices_state_job", "state", "job_id"))
@@ -89,11 +106,54 @@ class Slice(Base):
     round: Mapped[int]
     state: Mapped[State] = mapped_column(default="queued")
     attempts: Mapped[int] = mapped_column(default=0)
-    worker: Mapped[str | None] = mapped_column(String(200))
-    beat_at: Mapped[datetime | None]
+    worker: Mapped[str | None] = mapped_column(String(200), index=True)
+    workflow: Mapped[str | None] = mapped_column(String(64))
+    queue: Mapped[str | None] = mapped_column(String(200))
     measurement: Mapped[Json | None] = mapped_column(deferred=True)
 
     job: Mapped[Job] = relationship(back_populates="slices")
+
+
+class Worker(Base):
+    """A worker process, alive while it gives signs of life (`beat_at`) and is neither ended nor given up.
+
+    `host` names the machine, and the queue of the devices that are attached to it. `reaped_at` is when somebody
+    last began to hand its work on: from then on it is given up, whatever it does. `handed_on_at` is when that was done.
+    """
+
+    __tablename__ = "workers"
+
+    id: Mapped[str] = mapped_column(String(200), primary_key=True)
+    host: Mapped[str] = mapped_column(String(200), index=True)
+    started_at: Mapped[datetime] = mapped_column(default=now)
+    beat_at: Mapped[datetime] = mapped_column(default=now)
+    ended_at: Mapped[datetime | None]
+    reaped_at: Mapped[datetime | None]
+    handed_on_at: Mapped[datetime | None]
+
+
+class Device(Base):
+    """Something that runs plans: a phone by serial, or one host's llvmpipe (`llvmpipe@HOST`).
+
+    `host` has it attached. `address` (HOST:PORT) is connected to by that host, and again when it is lost. `advice` says
+    what to tap or plug while it is not online. `facts` is what it told about itself, `health` its last health job's
+    outcome. `set_aside` is the reason for which nothing runs on it until someone clears it.
+    """
+
+    __tablename__ = "devices"
+
+    id: Mapped[str] = mapped_column(String(200), primary_key=True)
+    kind: Mapped[str] = mapped_column(String(16))
+    host: Mapped[str | None] = mapped_column(String(200), index=True)
+    address: Mapped[str | None] = mapped_column(String(200))
+    presence: Mapped[Presence]
+    advice: Mapped[str | None] = mapped_column(Text)
+    facts: Mapped[Json] = mapped_column(default=dict)
+    health: Mapped[Json | None]
+    health_at: Mapped[datetime | None]
+    set_aside: Mapped[str | None] = mapped_column(Text)
+    first_seen_at: Mapped[datetime] = mapped_column(default=now)
+    seen_at: Mapped[datetime] = mapped_column(default=now)
 
 
 class Change(Base):
@@ -134,3 +194,16 @@ class Result(Base):
 
 FILTERS = ("scene", "device", *AXES)
 """The columns of `Result` that a comparison filters on."""
+
+
+class Submitted(Base):
+    """A submission that came with an `Idempotency-Key`, and its answer; `digest` tells whether it is the same again."""
+
+    __tablename__ = "submissions"
+
+    key: Mapped[str] = mapped_column(String(200), primary_key=True)
+    digest: Mapped[str] = mapped_column(String(64))
+    status: Mapped[int]
+    location: Mapped[str] = mapped_column(String(200))
+    body: Mapped[Json]
+    created_at: Mapped[datetime] = mapped_column(default=now, index=True)

@@ -4,30 +4,53 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy.orm import Session
 
 from renderer.request import Request
 from renderer.variant import AXES
-from server.store.models import Change, Job, Result, Slice, Study, now
+from server.store.models import LLVMPIPE, NORMAL_PRIORITY, Change, Job, Result, Slice, Study, now
 from server.store.states import State
 
 
-def add_job(session: Session, request: Request) -> Job:
-    """Queue one job."""
-    return _add_jobs(session, [request], None)[0]
+@dataclass(frozen=True)
+class Order:
+    """What is asked for, and of which device."""
+
+    request: Request
+    device: str = LLVMPIPE
 
 
-def add_study(
-    session: Session, name: str, body: dict[str, Any], requests: Sequence[Request], refused: list[dict[str, Any]]
-) -> Study:
-    """Queue a study's jobs; `refused` is what was left out, with reasons."""
+def add_study(session: Session, name: str, body: dict[str, Any], refused: list[dict[str, Any]]) -> Study:
+    """Add a study; `refused` is what was left out of it, with reasons."""
     study = Study(name=name, request=body, refused=refused)
     session.add(study)
     session.flush()
-    _add_jobs(session, requests, study.id)
     return study
+
+
+def add_jobs(
+    session: Session, orders: Sequence[Order], *, priority: int = NORMAL_PRIORITY, study_id: int | None = None
+) -> list[Slice]:
+    """Add jobs and return their slices in the order in which they should run: all jobs' first rounds, then the second.
+
+    A study's configurations are interleaved in rounds, so that drift hits all alike (DESIGN.md, Timing).
+    """
+    jobs = [_add_job(session, order, priority, study_id) for order in orders]
+    session.flush()
+    session.add_all(Change(job_id=job.id, state="queued", at=job.created_at) for job in jobs)
+    rounds = max((order.request.rounds for order in orders), default=0)
+    slices = [
+        Slice(job=job, round=index)
+        for index in range(rounds)
+        for job, order in zip(jobs, orders, strict=True)
+        if index < order.request.rounds
+    ]
+    session.add_all(slices)
+    session.flush()
+    return slices
 
 
 def change_state(session: Session, job: Job, state: State, reason: str | None = None) -> None:
@@ -57,22 +80,15 @@ def without_nan(value: Any) -> Any:
     return value
 
 
-def _add_jobs(session: Session, requests: Sequence[Request], study_id: int | None) -> list[Job]:
-    created_at = now()
-    jobs = [
-        Job(
-            study_id=study_id,
-            scene=request.scene,
-            label=request.variant.label,
-            request=request.to_json(),
-            state="queued",
-            created_at=created_at,
-            slices=[Slice(round=index) for index in range(request.rounds)],
-        )
-        for request in requests
-    ]
-    session.add_all(jobs)
-    session.flush()
-    for job in jobs:
-        session.add(Change(job_id=job.id, state="queued", at=created_at))
-    return jobs
+def _add_job(session: Session, order: Order, priority: int, study_id: int | None) -> Job:
+    job = Job(
+        study_id=study_id,
+        scene=order.request.scene,
+        label=order.request.variant.label,
+        request=order.request.to_json(),
+        device=order.device,
+        priority=priority,
+        created_at=now(),
+    )
+    session.add(job)
+    return job
