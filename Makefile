@@ -5,16 +5,31 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check -q install -c constraints.txt
 ARGS ?=
 
-.PHONY: all run test check benchmark clean
+.PHONY: all run agent phone test test-chaos check benchmark clean
 
 all: $(VENV)/.ready
 
 run: $(VENV)/.ready
 	$(BIN)/rayfarm up $(ARGS)
 
+# What runs on a phone: agent_android/build/agent.jar and agent.apk.
+agent: $(VENV)/.ready
+	tools/system_packages.sh agent
+	$(BIN)/python -m agent_android.build
+
+# A phone made of adbd and this machine's llvmpipe; `make phone ARGS='--count 2'` makes two.
+phone: $(VENV)/.ready-to-test
+	$(BIN)/python -m agent_android.build desktop
+	$(BIN)/python -m agent_android.standin $(ARGS)
+
 test: $(VENV)/.ready-to-test
 	$(MAKE) check
+	$(BIN)/python -m agent_android.build desktop
 	$(BIN)/pytest $(ARGS)
+
+# Minutes of killed and frozen workers, on SQLite and PostgreSQL.
+test-chaos: $(VENV)/.ready-to-test
+	$(BIN)/pytest -s -m long tests/chaos $(ARGS)
 
 check: $(VENV)/.ready-to-test
 	$(BIN)/ruff check .
@@ -26,7 +41,7 @@ benchmark: $(VENV)/.ready-to-test
 	$(BIN)/python -m benchmarks.traversals $(ARGS)
 
 clean:
-	rm -rf $(VENV) var build dist *.egg-info
+	rm -rf $(VENV) var build dist *.egg-info agent_android/build
 
 $(VENV)/.ready: pyproject.toml constraints.txt tools/system_packages.sh
 	tools/system_packages.sh run

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import socket
 from functools import lru_cache
 from pathlib import Path
+from typing import Literal
 
 from platformdirs import user_data_path
 from pydantic import Field, ValidationError
@@ -28,7 +30,9 @@ class Settings(BaseSettings):
 
     `database_url` is an SQLAlchemy URL. `allowed_hosts` are the names under
     which the service may be addressed. `slice_timeout_s` bounds one slice, `lease_s` is how long a worker that shows
-    no sign of life keeps its slice; both in seconds.
+    no sign of life keeps its slices, `poll_s` how often a worker looks for work; in seconds. `worker_host` names the
+    machine that phones are attached to, where its host name will not do. `phones` and `llvmpipe` say what a worker
+    cares for, `via` how a phone's agent is run: by `app_process` or as an app.
     """
 
     model_config = SettingsConfigDict(env_prefix="RAYFARM_")
@@ -38,7 +42,12 @@ class Settings(BaseSettings):
     port: int = Field(default=8710, ge=0, le=65535)
     allowed_hosts: tuple[str, ...] = ("localhost", "127.0.0.1", "[::1]")
     slice_timeout_s: float = Field(default=900.0, gt=0)
-    lease_s: float = Field(default=60.0, gt=0)
+    lease_s: float = Field(default=60.0, ge=1)
+    poll_s: float = Field(default=0.5, ge=0.05, le=60)
+    phones: bool = True
+    llvmpipe: bool = True
+    via: Literal["shell", "apk"] = "shell"
+    worker_host: str = Field(default_factory=socket.gethostname, min_length=1, max_length=100)
     server: str = Field(default="http://127.0.0.1:8710", description="where the CLI's verbs find the service")
 
 

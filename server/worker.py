@@ -1,129 +1,162 @@
-"""The worker: takes one slice at a time, measures it in a child process, records results."""
+"""The worker: takes slices from the durable queue, has each measured by a leashed child, records the outcomes."""
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import secrets
-import signal
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from types import FrameType
+import time
+from collections.abc import Awaitable, Callable
 from typing import Any
 
+from dbos import DBOS
+from sqlalchemy import select
+
+from renderer.child import AsyncSay
+from renderer.host import DeviceGoneError
 from renderer.request import Request
-from server import queue
+from server.queue import ledger, lives
+from server.queue.care import CARE_S, look_after
+from server.queue.durable import POOL, WORKFLOW, Durable, configuration, host_queue
+from server.queue.ledger import Claim
 from server.spoken import spoken
 from server.store.database import Database
+from server.store.models import Job, Json, Slice
+from server.store.states import HELD, OPEN
 
 log = logging.getLogger("rayfarm.worker")
 
-RunSlice = Callable[[Request, int, float], dict[str, Any]]
-Combine = Callable[[Request, list[dict[str, Any]]], dict[str, Any]]
-
-
-class Stopped(BaseException):
-    """The worker was told to end."""
+RunSlice = Callable[[Claim, AsyncSay], Awaitable[Json]]
+Combine = Callable[[Request, list[Json]], Json]
 
 
 class Worker:
-    """Works on one database until it is stopped. Each slice's child holds the host's lock while it measures.
+    """Works on one database until it is stopped: one slice at a time on each of this host's devices.
 
-    `run_slice` and `combine` are those of `renderer.bench`, or a test's. A slice may take `timeout_s` seconds; a
-    sign of life is given every third of `lease_s`.
+    `run_slice` measures a claimed slice and `combine` makes a job's result; those of `server.slices`, or a test's. A
+    process has one worker at a time. `host` names this machine's queue, `lease_s` is how long the worker may give no
+    sign of life, `poll_s` how often it looks for work; `pool` says whether it takes slices that any llvmpipe may run.
     """
 
     def __init__(
         self,
         database: Database,
+        durable: Durable,
         run_slice: RunSlice,
         combine: Combine,
         *,
-        timeout_s: float = 900.0,
+        host: str,
         lease_s: float = 60.0,
+        poll_s: float = 0.5,
+        pool: bool = True,
     ) -> None:
-        self.database = database
-        self.run_slice = run_slice
-        self.combine = combine
-        self.timeout_s = timeout_s
-        self.lease_s = lease_s
-        self.name = queue.worker_name(secrets.token_hex(4))
-        self._stop = threading.Event()
+        self.database, self.durable = database, durable
+        self.run_slice, self.combine = run_slice, combine
+        self.host, self.lease_s, self.poll_s = host, lease_s, poll_s
+        self.queues = [*([POOL] if pool else []), host_queue(host)]
+        self.name = lives.worker_id(secrets.token_hex(4))
+        self._ended = threading.Event()
+        self._beaten_at = 0.0
+        self._beating = threading.Thread(target=self._beat, name="signs-of-life", daemon=True)
 
-    def run(self, poll_s: float = 0.5) -> None:
-        """Work until `stop` is called or `Stopped` is raised; look for work every `poll_s` seconds when idle."""
-        while not self._stop.is_set():
-            if not self.step():
-                self._stop.wait(poll_s)
+    def start(self) -> None:
+        """Register, and take slices from now on; call it from a thread that lives as long as the worker."""
+        lives.begin(self.database, self.name, self.host)
+        self._beaten_at = time.monotonic()
+        self.durable.register_queues(self.host, self.poll_s)
+        DBOS(config=configuration(self.durable.url, self.name, self.poll_s))
 
-    def run_until_idle(self) -> None:
-        """Work until the queue is empty."""
-        while not self._stop.is_set() and self.step():
-            pass
+        @DBOS.step(name="measure", preemptible=True)
+        async def measure(slice_id: int, workflow: str) -> str:
+            return await self._measure(slice_id, workflow)
+
+        @DBOS.workflow(name=WORKFLOW)
+        async def run(slice_id: int) -> str:
+            workflow = DBOS.workflow_id
+            assert workflow is not None
+            return await measure(slice_id, workflow)
+
+        DBOS.listen_queues(self.queues)
+        DBOS.launch()
+        self._beating.start()
 
     def stop(self) -> None:
-        """End after the slice in hand."""
-        self._stop.set()
+        """End what runs, hand it back, and take nothing more."""
+        self._ended.set()
+        self._beating.join()
+        DBOS.destroy(destroy_registry=True)
+        lives.end(self.database, self.durable, self.name)
 
-    def step(self) -> bool:
-        """Take and measure one slice; False when there was none."""
-        queue.requeue_lost(self.database, self.lease_s)
-        self._record_results()
-        claim = queue.claim_slice(self.database, self.name)
-        if claim is None:
-            return False
-        self._measure(claim)
-        self._record_results()
-        return True
+    @property
+    def given_up(self) -> bool:
+        """Whether the others took this worker for dead: it must be stopped."""
+        return self._ended.is_set()
 
-    def _measure(self, claim: queue.Claim) -> None:
+    def is_idle(self) -> bool:
+        """Whether nothing that this worker could run is queued or held."""
+        reachable = Slice.queue.in_(self.queues)
+        busy = select(Slice.id).join(Job).where(Job.state.in_(OPEN), Slice.state.in_(("queued", *HELD)), reachable)
+        with self.database.reading() as session:
+            return session.execute(busy.limit(1)).first() is None
+
+    def has_lease(self) -> bool:
+        """Whether nobody can have taken this worker for dead yet; its children live by it."""
+        return time.monotonic() - self._beaten_at < self.lease_s / 2
+
+    async def _measure(self, slice_id: int, workflow: str) -> str:
+        held = await asyncio.to_thread(ledger.claim, self.database, slice_id, workflow, self.name)
+        if held is None:
+            return "not wanted"
+        log.info("job %d, round %d on %s: %s", held.job_id, held.round, held.device, _title(held))
         try:
-            request = Request.from_json(claim.request)
-            log.info("job %d, round %d: %s, %s", claim.job_id, claim.round, request.scene, request.variant.label)
-            with self._beating(claim):
-                measurement = self.run_slice(request, claim.round, self.timeout_s)
-            queue.finish_slice(self.database, claim, self.name, measurement)
-        except Stopped:
-            queue.release_slice(self.database, claim, self.name)
+            measurement = await self.run_slice(held, self._say(held))
+        except asyncio.CancelledError:
+            await asyncio.to_thread(ledger.let_go, self.database, held)
             raise
+        except DeviceGoneError as error:
+            log.warning("%s", error)
+            await asyncio.to_thread(ledger.give_back, self.database, self.durable, held, str(error))
+            return "device gone"
         except Exception as error:
-            queue.fail_slice(self.database, claim, self.name, _reason(error))
+            await asyncio.to_thread(ledger.fail, self.database, self.durable, held, _reason(error))
+            return "failed"
+        return await asyncio.to_thread(self._record, held, measurement)
 
-    def _record_results(self) -> None:
-        for job in queue.measured_jobs(self.database):
-            try:
-                document = self.combine(Request.from_json(job.request), job.measurements)
-                queue.finish_job(self.database, job.job_id, document)
-            except Exception as error:
-                queue.fail_job(self.database, job.job_id, _reason(error))
+    def _record(self, held: Claim, measurement: Json) -> str:
+        def combine(measurements: list[Json]) -> Json:
+            return self.combine(Request.from_json(held.request), measurements)
 
-    @contextmanager
-    def _beating(self, claim: queue.Claim) -> Iterator[None]:
-        done = threading.Event()
-
-        def run() -> None:
-            while not done.wait(self.lease_s / 3):
-                queue.beat(self.database, claim, self.name)
-
-        thread = threading.Thread(target=run, daemon=True)
-        thread.start()
         try:
-            yield
-        finally:
-            done.set()
-            thread.join()
+            recorded = ledger.record(self.database, held, measurement, combine)
+        except Exception as error:
+            ledger.fail(self.database, self.durable, held, _reason(error))
+            return "failed"
+        return "recorded" if recorded else "too late"
+
+    def _say(self, held: Claim) -> AsyncSay:
+        async def say(phase: Any) -> None:
+            await asyncio.to_thread(ledger.enter, self.database, held, phase)
+
+        return say
+
+    def _beat(self) -> None:
+        """Signs of life, and the care for what others left; ends the worker when it has been given up."""
+        while not self._ended.wait(min(CARE_S, self.lease_s / 10)):
+            try:
+                begun = time.monotonic()
+                if not lives.beat(self.database, self.name):
+                    log.warning("This worker was taken for dead: it ends.")
+                    self._ended.set()
+                    return
+                self._beaten_at = begun
+                look_after(self.database, self.durable, self.lease_s)
+            except Exception:
+                log.exception("a sign of life failed")
 
 
-def stop_on_signals() -> None:
-    """From now on SIGTERM and SIGINT raise `Stopped` in the main thread, once."""
-
-    def handle(_number: int, _frame: FrameType | None) -> None:
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, signal.SIG_IGN)
-        raise Stopped
-
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, handle)
+def _title(held: Claim) -> str:
+    return f"{held.request.get('scene')}, {(held.request.get('variant') or {}).get('traversal')}"
 
 
 def _reason(error: Exception) -> str:

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs the system packages that are missing, for `run` or for `test`; asks for root only if something is missing.
+# Installs the system packages that are missing, for `run`, `agent` or `test`; asks for root only if something is missing.
 set -euo pipefail
 
 library() { ldconfig -p | grep -q "$1"; }
@@ -11,7 +11,18 @@ library libGL.so.1 || wanted+=(libgl1)
 compgen -G "/usr/share/glvnd/egl_vendor.d/*" >/dev/null || wanted+=(libegl-mesa0)
 compgen -G "/usr/lib/*/dri/swrast_dri.so" >/dev/null || library libgallium || wanted+=(libgl1-mesa-dri)
 python3 -c "import ensurepip, venv" 2>/dev/null || wanted+=(python3-venv)
+case "${1:-run}" in agent | test)
+    program javac || wanted+=(default-jdk-headless)
+    program mvn || wanted+=(maven)
+    for tool in aapt zipalign apksigner; do program "$tool" || wanted+=("$tool"); done
+    ;;
+esac
 if [ "${1:-run}" = test ]; then
+    for tool in dexdump enjarify; do program "$tool" || wanted+=("$tool"); done
+    program cc || wanted+=(gcc libc6-dev)
+    program setpriv || wanted+=(util-linux)
+    program pgrep || wanted+=(procps)
+    program initdb || compgen -G "/usr/lib/postgresql/*/bin/initdb" >/dev/null || wanted+=(postgresql)
     program glslangValidator || wanted+=(glslang-tools)
     if ! program chromium && ! program google-chrome; then wanted+=(chromium chromium-driver); fi
 fi

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,14 +11,20 @@ from typing import Any
 
 import httpx
 
+from renderer.child import AsyncSay
 from renderer.request import Request
 from renderer.variant import AXES
+from server.queue.durable import Durable
+from server.queue.ledger import Claim
 from server.service import address, listen, running
 from server.settings import Settings
 from server.store.database import Database
-from server.worker import Worker
+from server.worker import Combine, RunSlice, Worker
 
 SPEEDS = dict(zip(AXES["traversal"], (0.01, 2.0, 1.4, 1.1, 0.9, 0.6), strict=True))
+HOST = "here"
+POLL_S = 0.05
+LEASE_S = 4.0
 
 
 @dataclass
@@ -28,13 +35,16 @@ class FakeBench:
     failing: dict[str, Exception] = field(default_factory=dict)
     device: str = "llvmpipe"
 
-    def run_slice(self, request: Request, round_index: int, timeout_s: float) -> dict[str, Any]:
+    async def run_slice(self, held: Claim, say: AsyncSay) -> dict[str, Any]:
         """One round, at once."""
+        request = Request.from_json(held.request)
         traversal = request.variant.traversal
-        self.order.append((request.scene, traversal, round_index))
+        self.order.append((request.scene, traversal, held.round))
         if traversal in self.failing:
             raise self.failing[traversal]
-        return {"round": round_index, "speed": SPEEDS[traversal], "timeout_s": timeout_s}
+        for phase in ("running", "judging"):
+            await say(phase)
+        return {"round": held.round, "speed": SPEEDS[traversal]}
 
     def combine(self, request: Request, measurements: list[dict[str, Any]]) -> dict[str, Any]:
         """A document in DESIGN.md's form whose speed is the traversal's in SPEEDS."""
@@ -86,17 +96,38 @@ def document(request: Request, speed: float, device: str = "llvmpipe") -> dict[s
 
 @dataclass
 class Service:
-    """A running server, a client for it, and its database."""
+    """A running server, a client for it, and its database and queue."""
 
     client: httpx.Client
     database: Database
+    durable: Durable
     bench: FakeBench
     folder: Path
+    database_url: str
 
     def work(self) -> None:
         """Measure everything that is queued."""
-        worker = Worker(self.database, self.bench.run_slice, self.bench.combine)
-        worker.run_until_idle()
+        with self.working() as worker:
+            wait_for(worker.is_idle, 60)
+
+    @contextmanager
+    def working(self, run_slice: RunSlice | None = None, combine: Combine | None = None) -> Iterator[Worker]:
+        """A worker in this process, by default the bench's."""
+        make = combine or self.bench.combine
+        worker = Worker(
+            self.database,
+            self.durable,
+            run_slice or self.bench.run_slice,
+            make,
+            host=HOST,
+            lease_s=LEASE_S,
+            poll_s=POLL_S,
+        )
+        worker.start()
+        try:
+            yield worker
+        finally:
+            worker.stop()
 
     def post(self, path: str, **body: Any) -> Any:
         """POST a body that is fine; the answer's JSON."""
@@ -112,15 +143,25 @@ class Service:
 
 
 @contextmanager
-def running_service(folder: Path) -> Iterator[Service]:
-    """A service on a database in `folder`."""
-    url = f"sqlite:///{folder / 'service.sqlite'}"
+def running_service(folder: Path, database_url: str | None = None) -> Iterator[Service]:
+    """A service on a database, by default one in `folder`."""
+    url = database_url or f"sqlite:///{folder / 'service.sqlite'}"
     sock = listen("127.0.0.1", 0)
     base = address(sock)
     with running(Settings(database_url=url), sock, with_worker=False):
         database = Database(url)
+        durable = Durable(database)
         try:
             with httpx.Client(base_url=base, timeout=30, trust_env=False) as client:
-                yield Service(client, database, FakeBench(), folder)
+                yield Service(client, database, durable, FakeBench(), folder, url)
         finally:
+            durable.close()
             database.close()
+
+
+def wait_for(condition: Callable[[], object], seconds: float = 20.0) -> None:
+    """Wait until a condition holds; fail when it does not in time."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, f"nothing happened in {seconds} s"
+        time.sleep(0.02)

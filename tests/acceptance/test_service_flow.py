@@ -14,8 +14,8 @@ PAPER = ["bvh-parent-link", "bvh-restart-trail", "kd-push-down", "kd-backtrack"]
 
 
 @pytest.fixture
-def service(tmp_path: Path) -> Iterator[Service]:
-    with running_service(tmp_path) as running:
+def service(tmp_path: Path, database_url: str) -> Iterator[Service]:
+    with running_service(tmp_path, database_url) as running:
         yield running
 
 
@@ -26,7 +26,9 @@ def test_a_job_runs_and_carries_its_result(service: Service) -> None:
     done = service.get(f"jobs/{job['id']}")
     assert done["state"] == "done"
     assert done["slices"] == {"done": 2, "total": 2}
-    assert [change["state"] for change in done["changes"]] == ["queued", "running", "done"]
+    phases = ["preparing", "running", "judging"]
+    assert [change["state"] for change in done["changes"]] == ["queued", *phases, *phases, "done"]
+    assert done["changes"][4]["reason"] == "Round 2 of 2 on llvmpipe."
     assert done["request"]["size"] == [64, 32]
     assert done["result"]["mrays_per_s"] == pytest.approx(SPEEDS["kd-backtrack"])
     assert done["result"]["size"] == [64, 32]

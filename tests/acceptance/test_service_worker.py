@@ -2,45 +2,35 @@
 
 from __future__ import annotations
 
+import asyncio
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
-from service_fakes import Service, running_service
+from service_fakes import HOST, LEASE_S, Service, document, running_service, wait_for
+from sqlalchemy import select, update
 
-from renderer.child import ChildError
-from server import queue
-from server.worker import Worker
+from renderer.child import AsyncSay, ChildError
+from renderer.host import DeviceGoneError
+from renderer.request import Request
+from server.cli_service import GIVEN_UP
+from server.devices.registry import PHONE
+from server.queue import dispatch, ledger, lives
+from server.queue.dispatch import put_slices
+from server.queue.ledger import Claim
+from server.store.models import Device, Slice
 
-CHILD = """
-import sys, time
-from pathlib import Path
-from service_fakes import FakeBench
-from server.store.database import Database
-from server.worker import Stopped, Worker, stop_on_signals
-
-def hang(request, round_index, timeout_s):
-    Path(sys.argv[2]).touch()
-    time.sleep(60)
-
-stop_on_signals()
-database = Database(sys.argv[1])
-try:
-    Worker(database, hang, FakeBench().combine).run()
-except Stopped:
-    sys.exit(0)
-finally:
-    database.close()
-"""
+WORKER = Path(__file__).with_name("worker_process.py")
 
 
 @pytest.fixture
-def service(tmp_path: Path) -> Iterator[Service]:
-    with running_service(tmp_path) as running:
+def service(tmp_path: Path, database_url: str) -> Iterator[Service]:
+    with running_service(tmp_path, database_url) as running:
         yield running
 
 
@@ -51,11 +41,9 @@ def hanging_worker(service: Service) -> Iterator[Callable[[], subprocess.Popen[b
 
     def start() -> subprocess.Popen[bytes]:
         mark = service.folder / f"measuring-{len(started)}"
-        url = service.database.engine.url.render_as_string()
-        words = [url, str(mark)]
-        child = subprocess.Popen([sys.executable, "-c", CHILD, *words], cwd=Path(__file__).parent)
+        child = subprocess.Popen([sys.executable, WORKER, service.database_url, mark, str(LEASE_S)])
         started.append(child)
-        _wait_for(mark.exists)
+        wait_for(mark.exists)
         return child
 
     yield start
@@ -88,8 +76,8 @@ def test_a_result_that_cannot_be_made_fails_its_job_alone(service: Service) -> N
             raise ChildError("The measurements do not fit.")
         return whole(request, measurements)
 
-    worker = Worker(service.database, service.bench.run_slice, combine)
-    worker.run_until_idle()
+    with service.working(combine=combine) as worker:
+        wait_for(worker.is_idle)
     jobs = [service.get(f"jobs/{number}") for number in ids]
     assert [job["state"] for job in jobs] == ["failed", "done"]
     assert jobs[0]["reason"] == "The measurements do not fit."
@@ -100,59 +88,200 @@ def test_a_killed_workers_slice_is_measured_by_the_next(
 ) -> None:
     job = service.post("jobs", scene="cornell-box", frames=2, rounds=2)
     child = hanging_worker()
+    assert service.get(f"jobs/{job['id']}")["state"] == "preparing"
     child.kill()
     child.wait()
-    assert service.get(f"jobs/{job['id']}")["state"] == "running"
-    service.work()
-    assert service.get(f"jobs/{job['id']}")["state"] == "done"
-    assert service.bench.order == [("cornell-box", "bvh-stack", 0), ("cornell-box", "bvh-stack", 1)]
+    with service.working():
+        wait_for(lambda: service.get(f"jobs/{job['id']}")["state"] == "done")
+    reasons = [change["reason"] for change in service.get(f"jobs/{job['id']}")["changes"]]
+    lost = reasons.index("Its worker was lost. Attempt 2 follows.")
+    assert "Round 1 of 2 on llvmpipe, attempt 2." in reasons[lost:]
+    assert sorted(service.bench.order) == [("cornell-box", "bvh-stack", 0), ("cornell-box", "bvh-stack", 1)]
 
 
-def test_a_stopped_worker_puts_its_slice_back(
+def test_a_stopped_worker_hands_its_slice_back_at_once(
     service: Service, hanging_worker: Callable[[], subprocess.Popen[bytes]]
 ) -> None:
     job = service.post("jobs", scene="cornell-box", frames=1)
     child = hanging_worker()
     child.send_signal(signal.SIGTERM)
     assert child.wait(10) == 0
-    claim = queue.claim_slice(service.database, "another:1:x")
-    assert claim is not None
-    assert claim.job_id == job["id"]
+    state = service.get(f"jobs/{job['id']}")
+    assert (state["state"], state["reason"]) == ("queued", "Its worker was stopped. Attempt 2 follows.")
+    service.work()
+    assert service.get(f"jobs/{job['id']}")["state"] == "done"
 
 
-def test_a_slice_that_kills_its_workers_ends_its_job(
+def test_a_frozen_worker_loses_its_slice_and_cannot_record(
     service: Service, hanging_worker: Callable[[], subprocess.Popen[bytes]]
 ) -> None:
     job = service.post("jobs", scene="cornell-box", frames=1)
-    for _ in range(queue.MAX_ATTEMPTS):
-        child = hanging_worker()
-        child.kill()
-        child.wait()
-    service.work()
+    child = hanging_worker()
+    child.send_signal(signal.SIGSTOP)
+    with service.working():
+        wait_for(lambda: service.get(f"jobs/{job['id']}")["state"] == "done")
+    recorded = service.get(f"jobs/{job['id']}")
+    child.send_signal(signal.SIGCONT)
+    assert child.wait(20) == GIVEN_UP
+    after = service.get(f"jobs/{job['id']}")
+    assert after == recorded
+    assert service.bench.order == [("cornell-box", "bvh-stack", 0)]
+
+
+def test_a_slice_that_kills_its_workers_ends_its_job(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ledger, "MAX_ATTEMPTS", 2)
+    job = service.post("jobs", scene="cornell-box", frames=1)
+    for name in ("elsewhere:1:a", "elsewhere:2:b"):
+        assert take(service, name) is not None
+        assert lives.reap_dead(service.database, service.durable, lease_s=0) == 1
     after = service.get(f"jobs/{job['id']}")
     assert after["state"] == "failed"
-    assert "lost its worker 3 times" in after["reason"]
+    assert after["reason"] == "Its worker was lost. That was attempt 2, the last."
+    service.work()
     assert service.bench.order == []
 
 
-def test_only_the_holder_may_finish_a_slice(service: Service) -> None:
-    service.post("jobs", scene="cornell-box", frames=1)
-    first = queue.claim_slice(service.database, "elsewhere:1:a")
+def test_only_the_holder_may_record_a_slice(service: Service) -> None:
+    job = service.post("jobs", scene="cornell-box", frames=1)
+    first = take(service, "elsewhere:1:a")
     assert first is not None
-    assert queue.claim_slice(service.database, "elsewhere:2:b") is None
-    assert queue.requeue_lost(service.database, lease_s=60) == 0
-    assert queue.requeue_lost(service.database, lease_s=0) == 1
-    second = queue.claim_slice(service.database, "elsewhere:2:b")
+    assert lives.reap_dead(service.database, service.durable, lease_s=60) == 0
+    assert lives.reap_dead(service.database, service.durable, lease_s=0) == 1
+    assert not lives.beat(service.database, "elsewhere:1:a")
+    second = take(service, "elsewhere:2:b")
     assert second is not None
-    assert not queue.finish_slice(service.database, first, "elsewhere:1:a", {"late": True})
-    assert not queue.fail_slice(service.database, first, "elsewhere:1:a", "Too late.")
-    assert queue.finish_slice(service.database, second, "elsewhere:2:b", {"late": False})
-    measured = queue.measured_jobs(service.database)
-    assert [job.measurements for job in measured] == [[{"late": False}]]
+    assert second.attempt == 2
+
+    def combine(measurements: list[dict[str, Any]]) -> dict[str, Any]:
+        return document(Request.from_json(second.request), measurements[0]["speed"])
+
+    assert not ledger.enter(service.database, first, "judging")
+    assert not ledger.record(service.database, first, {"speed": 1.0}, combine)
+    assert not ledger.fail(service.database, service.durable, first, "Too late.")
+    assert not ledger.give_back(service.database, service.durable, first, "Too late.")
+    assert service.get(f"jobs/{job['id']}")["state"] == "preparing"
+    assert ledger.record(service.database, second, {"speed": 2.0}, combine)
+    assert not ledger.record(service.database, second, {"speed": 3.0}, combine)
+    assert service.get(f"jobs/{job['id']}")["result"]["mrays_per_s"] == 2.0
 
 
-def _wait_for(condition: Callable[[], bool], seconds: float = 20.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, f"nothing happened in {seconds} s"
-        time.sleep(0.05)
+def test_a_slice_put_anew_is_not_run_by_its_old_workflow(service: Service) -> None:
+    service.post("jobs", scene="cornell-box", frames=1)
+    with service.database.writing() as session:
+        part = session.scalars(select(Slice)).one()
+        old = part.workflow
+        put_slices(session, service.durable, [part])
+        assert old is not None
+        assert part.workflow != old
+    assert ledger.claim(service.database, part.id, old, "elsewhere:1:a") is None
+    service.work()
+    assert len(service.bench.order) == 1
+
+
+def test_a_running_job_that_is_cancelled_ends_and_frees_its_device(service: Service) -> None:
+    job = service.post("jobs", scene="cornell-box", traversal="bvh-stack", frames=1)
+    other = service.post("jobs", scene="cornell-box", traversal="kd-backtrack", frames=1)
+    gone: list[float] = []
+
+    async def run_slice(held: Claim, say: AsyncSay) -> dict[str, Any]:
+        if held.job_id != job["id"]:
+            assert gone, "the next slice started while the cancelled one's child was alive"
+            return await service.bench.run_slice(held, say)
+        try:
+            await say("running")
+            await asyncio.sleep(60)
+        finally:
+            await asyncio.sleep(0.3)
+            gone.append(time.monotonic())
+        raise AssertionError("not reached")
+
+    with service.working(run_slice):
+        wait_for(lambda: service.get(f"jobs/{job['id']}")["state"] == "running")
+        cancelled = service.client.post(f"/api/v1/jobs/{job['id']}/cancel")
+        assert (cancelled.status_code, cancelled.json()["state"]) == (200, "cancelled")
+        wait_for(lambda: service.get(f"jobs/{other['id']}")["state"] == "done")
+    with service.database.reading() as session:
+        held = session.scalars(select(Slice).where(Slice.job_id == job["id"])).one()
+        assert (held.state, held.worker) == ("cancelled", None)
+
+
+def test_a_slice_that_waits_for_a_lock_stays_its_workers(service: Service) -> None:
+    job = service.post("jobs", scene="cornell-box", frames=1)
+
+    async def run_slice(held: Claim, say: AsyncSay) -> dict[str, Any]:
+        await say("running")
+        await say("waiting")
+        await asyncio.sleep(1)
+        assert dispatch.settle(service.database, service.durable) == 0
+        return await service.bench.run_slice(held, say)
+
+    with service.working(run_slice):
+        wait_for(lambda: service.get(f"jobs/{job['id']}")["state"] == "done")
+    states = [change["state"] for change in service.get(f"jobs/{job['id']}")["changes"]]
+    assert states == ["queued", "preparing", "running", "waiting", "running", "judging", "done"]
+
+
+def test_the_more_urgent_job_goes_first(service: Service) -> None:
+    for traversal, priority in (("kd-backtrack", 100), ("bvh-stack", 5), ("kd-push-down", 50)):
+        service.post("jobs", scene="cornell-box", traversal=traversal, frames=1, priority=priority)
+    service.work()
+    assert [traversal for _, traversal, _ in service.bench.order] == ["bvh-stack", "kd-push-down", "kd-backtrack"]
+
+
+def test_a_job_waits_for_its_device_and_follows_it(service: Service) -> None:
+    with service.database.writing() as session:
+        session.add(Device(id="phone-1", kind=PHONE, host=HOST, presence="offline"))
+    job = service.post("jobs", scene="cornell-box", device="phone-1", frames=1)
+    assert (job["state"], job["reason"]) == ("waiting", "phone-1 is not ready.")
+    with service.working():
+        service.post("jobs", scene="cornell-box", frames=1)
+        wait_for(lambda: len(service.bench.order) == 1)
+        assert service.get(f"jobs/{job['id']}")["state"] == "waiting"
+        lives.begin(service.database, "elsewhere:1:a", "elsewhere")
+        _set_device(service, presence="online", health={"passed": True}, host="elsewhere")
+        wait_for(lambda: service.get(f"jobs/{job['id']}")["state"] == "queued")
+        wait_for(lambda: service.get(f"jobs/{job['id']}")["state"] == "waiting")
+        assert service.get("devices/phone-1")["presence"] == "offline", "its host gave no sign of life"
+        _set_device(service, presence="online", host=HOST)
+        wait_for(lambda: service.get(f"jobs/{job['id']}")["state"] == "done")
+    assert len(service.bench.order) == 2
+
+
+def test_a_device_that_goes_away_gets_its_slice_again(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ledger, "BACK_OFF_S", 0.1)
+    job = service.post("jobs", scene="cornell-box", frames=1)
+    tries: list[int] = []
+
+    async def run_slice(held: Claim, say: AsyncSay) -> dict[str, Any]:
+        tries.append(held.attempt)
+        if len(tries) < 3:
+            raise DeviceGoneError("The phone went away while the plan was pushed.")
+        return await service.bench.run_slice(held, say)
+
+    with service.working(run_slice):
+        wait_for(lambda: service.get(f"jobs/{job['id']}")["state"] == "done")
+    assert tries == [1, 2, 3]
+    reasons = [change["reason"] for change in service.get(f"jobs/{job['id']}")["changes"]]
+    assert "The phone went away while the plan was pushed. Attempt 2 follows." in reasons
+
+
+def test_a_device_that_nobody_knows_is_refused(service: Service) -> None:
+    answer = service.client.post("/api/v1/jobs", json={"scene": "cornell-box", "device": "nokia"})
+    assert answer.status_code == 422
+    assert answer.json()["detail"].startswith("There is no device 'nokia': choose one of llvmpipe")
+    assert service.get("jobs")["jobs"] == []
+
+
+def take(service: Service, worker: str) -> Claim | None:
+    """Claim the next slice in the name of a worker, as its workflow would."""
+    lives.begin(service.database, worker, "elsewhere")
+    with service.database.reading() as session:
+        part = session.scalars(select(Slice).where(Slice.state == "queued").order_by(Slice.id)).first()
+    assert part is not None
+    assert part.workflow is not None
+    return ledger.claim(service.database, part.id, part.workflow, worker)
+
+
+def _set_device(service: Service, **values: Any) -> None:
+    with service.database.writing() as session:
+        session.execute(update(Device).values(**values))

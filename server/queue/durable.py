@@ -1,0 +1,95 @@
+"""The durable queue itself: DBOS Transact on the store's database. Everything that speaks to DBOS from outside it."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Sequence
+from typing import Any
+
+from dbos import DBOS, DBOSClient, EnqueueOptions
+from sqlalchemy.orm import Session
+
+from server.store.database import Database
+
+APP = "rayfarm"
+VERSION = "1"
+"""Pinned: DBOS's own would change with every edit of a workflow and strand what is queued."""
+WORKFLOW = "slice"
+POOL = "llvmpipe"
+"""The queue of slices that any host with llvmpipe may run."""
+
+
+def host_queue(host: str) -> str:
+    """The queue of the devices that are attached to one host; its partitions are device ids."""
+    return f"host-{host}"
+
+
+class Durable:
+    """A client of the queue; a process opens it once, after its database, and closes it with `close`."""
+
+    def __init__(self, database: Database) -> None:
+        """Open the queue beside the store's tables, making its own where they are missing."""
+        self.url = database.engine.url.render_as_string(hide_password=False)
+        DBOS.migrate(self.url)
+        self._client = DBOSClient(system_database_url=self.url, application_name=APP, system_database_pool_size=2)
+
+    def register_queues(self, host: str, poll_s: float) -> None:
+        """Make the queues that a host's worker listens to, looked at every `poll_s` seconds."""
+        self._client.register_queue(POOL, worker_concurrency=1, polling_interval_sec=poll_s)
+        self._client.register_queue(
+            host_queue(host), partition_concurrency=1, partition_worker_concurrency=1, polling_interval_sec=poll_s
+        )
+
+    def put(
+        self, session: Session, slice_id: int, queue: str, partition: str | None, priority: int, delay_s: float
+    ) -> str:
+        """Enqueue a slice's workflow in the session's transaction and return its id.
+
+        Of equal priority, the one enqueued first runs first; then, on a clock too coarse, the smaller slice id.
+        """
+        options: EnqueueOptions = {
+            "workflow_name": WORKFLOW,
+            "queue_name": queue,
+            "workflow_id": f"slice-{slice_id:010d}-{uuid.uuid4().hex[:12]}",
+            "priority": priority,
+            "app_version": VERSION,
+        }
+        if partition is not None:
+            options["queue_partition_key"] = partition
+        if delay_s > 0:
+            options["delay_seconds"] = delay_s
+        self._client.enqueue_in_transaction(session, options, slice_id)
+        return options["workflow_id"]
+
+    def cancel(self, workflows: Sequence[str]) -> None:
+        """Cancel workflows: a queued one never runs, a running one's step is interrupted within about a second."""
+        if workflows:
+            self._client.cancel_workflows(list(workflows))
+
+    def resume(self, workflow: str, queue: str) -> None:
+        """Put a workflow whose worker is gone back into its queue."""
+        self._client.resume_workflow(workflow, queue_name=queue)
+
+    def held_by(self, worker: str) -> list[tuple[str, str | None]]:
+        """The unfinished workflows that a worker took, as (id, queue)."""
+        found = self._client.list_workflows(status="PENDING", executor_id=worker, load_input=False, load_output=False)
+        return [(status.workflow_id, status.queue_name) for status in found]
+
+    def close(self) -> None:
+        """Close all connections."""
+        self._client.destroy()
+
+
+def configuration(url: str, worker: str, poll_s: float) -> Any:
+    """DBOS's configuration for a worker process; `worker` must name this run of it alone."""
+    return {
+        "name": APP,
+        "system_database_url": url,
+        "application_version": VERSION,
+        "executor_id": worker,
+        "log_level": "ERROR",
+        "enable_otlp": False,
+        "run_migrations": False,
+        "sys_db_pool_size": 5,
+        "notification_listener_polling_interval_sec": poll_s,
+    }

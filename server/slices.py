@@ -1,0 +1,48 @@
+"""How a claimed slice is measured: which child does it, for which device."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from renderer.child import AsyncSay, run_child_async
+from server.devices.registry import PHONE
+from server.queue.ledger import Claim
+from server.settings import Settings
+from server.store.database import Database
+from server.store.models import Device, Json
+
+AGENT_SHARE = 0.8
+"""The part of a slice's time limit that one command of a phone's agent may take: it ends by itself, and says why."""
+
+
+class SliceRunner:
+    """Runs slices in leashed children.
+
+    A child ends when `has_lease` has been false for half of the lease: before anybody takes its worker for dead.
+    """
+
+    def __init__(self, database: Database, settings: Settings, has_lease: Callable[[], bool]) -> None:
+        self.database, self.settings, self.has_lease = database, settings, has_lease
+
+    async def __call__(self, held: Claim, say: AsyncSay) -> Json:
+        """Measure one slice."""
+        limit_s, lease_s = self.settings.slice_timeout_s, self.settings.lease_s
+        task: Json = {"request": held.request, "round": held.round}
+        module = "renderer.slice"
+        if self._is_phone(held.device):
+            module = "server.devices.phone_slice"
+            task |= {"serial": held.device, "via": self.settings.via, "deadline_s": limit_s * AGENT_SHARE}
+        return await run_child_async(
+            module,
+            task,
+            held.request.get("threads", 1),
+            limit_s,
+            say,
+            lease_s=lease_s / 2,
+            has_lease=self.has_lease,
+        )
+
+    def _is_phone(self, device: str) -> bool:
+        with self.database.reading() as session:
+            row = session.get(Device, device)
+            return row is not None and row.kind == PHONE
