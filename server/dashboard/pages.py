@@ -14,12 +14,16 @@ from sqlalchemy import select
 from renderer.request import CHECKS, RAYS
 from renderer.variant import AXES, Variant
 from server.api import database_of
+from server.api_events import feed_of
+from server.dashboard import pages_devices
 from server.dashboard.context import comparison_context
 from server.dashboard.fields import result_fields
 from server.dashboard.templates import FOLDER, TEMPLATES
+from server.devices.registry import PAIRING, ready
 from server.scene_list import list_scenes
 from server.selection import known_values, load_comparison, read_selection
-from server.store.models import Job, Study
+from server.store.models import LLVMPIPE, Device, Job, Study
+from server.store.states import OPEN
 from server.studies import STUDIES
 from server.views import find_job, find_study, job_line, job_view, study_view
 
@@ -30,6 +34,7 @@ SHOWN = 50
 def install(app: FastAPI) -> None:
     """Add the pages and their static files to an application."""
     app.include_router(router)
+    app.include_router(pages_devices.router)
     app.mount("/static", StaticFiles(directory=FOLDER / "static"), name="static")
 
 
@@ -58,23 +63,31 @@ def studies_page(request: Request) -> Response:
 @router.get("/studies/{study_id}")
 def study_page(study_id: str, request: Request) -> Response:
     """One study and its progress."""
+    after = feed_of(request).settled()  # Asked first: what the page does not show then comes as an event.
     with database_of(request).reading() as session:
-        return _page(request, "study.html", {"study": study_view(session, find_study(session, study_id))})
+        study = study_view(session, find_study(session, study_id))
+    return _page(request, "study.html", {"study": study, "after": after, "open_states": OPEN})
 
 
 @router.get("/jobs/{job_id}")
 def job_page(job_id: str, request: Request) -> Response:
     """One job: state, history, result."""
     with database_of(request).reading() as session:
-        job = job_view(find_job(session, job_id))
+        found = find_job(session, job_id)
+        job, after = job_view(found), max((change.id for change in found.changes), default=0)
     fields = result_fields(job["result"]) if job["result"] else []
-    return _page(request, "job.html", {"job": job, "fields": fields})
+    return _page(request, "job.html", {"job": job, "fields": fields, "after": after, "open_states": OPEN})
 
 
 @router.get("/submit")
 def submit_page(request: Request) -> Response:
     """A form for a study."""
+    with database_of(request).reading() as session:
+        known = session.scalars(select(Device).where(Device.kind != PAIRING).order_by(Device.id)).all()
+        devices = [{"id": LLVMPIPE, "detail": "any host that has it"}]
+        devices += [{"id": device.id, "detail": "" if ready(device) else "not ready: jobs wait"} for device in known]
     context = {
+        "devices": devices,
         "scenes": list_scenes(),
         "axes": AXES,
         "defaults": Variant().as_dict(),

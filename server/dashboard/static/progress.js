@@ -1,37 +1,68 @@
-// Follows a study or a job until it ends, then loads the page once more for its final form.
-const OPEN = ["queued", "running"];
-const PERIOD_MS = 1000;
-const title = document.querySelector("[data-watch]");
+// Follows a study's or a job's events until it ends, then loads the page once more for its final form.
+const AGAIN_MS = 3000;
+const title = document.querySelector("[data-events]");
+const isJob = "job" in title.dataset;
+let last = title.dataset.after;
+let source = null;
 
 function setState(element, state) {
-  if (element.textContent === state) return;
   element.textContent = state;
   element.className = `state ${state}`;
 }
 
-function showJob(job) {
-  const row = document.querySelector(`tr[data-job="${job.id}"]`);
+function showRow(change) {
+  const row = document.querySelector(`tr[data-job="${change.job}"]`);
   if (!row) return;
-  setState(row.querySelector(".state"), job.state);
-  row.querySelector(".reason").textContent = job.reason ?? "";
+  setState(row.querySelector(".state"), change.state);
+  row.querySelector(".reason").textContent = change.reason ?? "";
 }
 
-function show(view) {
-  setState(document.getElementById("state"), view.state);
-  document.getElementById("progress").value = view.slices.done;
-  document.getElementById("slices").textContent = `${view.slices.done} of ${view.slices.total} slices`;
-  for (const job of Array.isArray(view.jobs) ? view.jobs : []) showJob(job);
+function showHistory(change) {
+  const entry = document.getElementById("change").content.cloneNode(true);
+  const time = entry.querySelector("time");
+  time.dateTime = change.at;
+  time.textContent = change.at.slice(0, 19).replace("T", " ");
+  setState(entry.querySelector(".state"), change.state);
+  entry.querySelector(".reason").textContent = change.reason ?? "";
+  document.querySelector(".history").append(entry);
 }
 
-async function follow() {
-  try {
-    const view = await (await fetch(title.dataset.watch)).json();
-    show(view);
-    if (!OPEN.includes(view.state)) return location.reload();
-  } catch {
-    // The server may be restarting: ask again.
-  }
-  setTimeout(follow, PERIOD_MS);
+function showProgress({ done, total }) {
+  document.getElementById("progress").value = done;
+  document.getElementById("slices").textContent = `${done} of ${total} slices`;
 }
 
-if (OPEN.includes(title.dataset.state)) setTimeout(follow, PERIOD_MS);
+function showJob(change) {
+  setState(document.getElementById("state"), change.state);
+  document.getElementById("reason").textContent = change.reason ?? "";
+  showHistory(change);
+}
+
+function show(event) {
+  const change = JSON.parse(event.data);
+  last = event.lastEventId;
+  showProgress(isJob ? change.progress : change.study_progress);
+  if (isJob) showJob(change);
+  else showRow(change);
+}
+
+// A browser opens six connections to a host at most: a tab that nobody sees gives its own back.
+function listen() {
+  source?.close();
+  if (document.hidden) return;
+  source = new EventSource(`${title.dataset.events}?after=${last}`);
+  source.addEventListener("change", show);
+  source.addEventListener("end", () => {
+    source.close();
+    location.reload();
+  });
+  source.addEventListener("error", () => {
+    // After a refusal, as of a server that is starting, the browser does not try again by itself.
+    if (source.readyState === EventSource.CLOSED) setTimeout(listen, AGAIN_MS);
+  });
+}
+
+if ("open" in title.dataset) {
+  document.addEventListener("visibilitychange", listen);
+  listen();
+}
