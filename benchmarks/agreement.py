@@ -8,13 +8,13 @@ from __future__ import annotations
 import argparse
 
 from renderer.accuracy import identical, judge
-from renderer.instrumented import instrumented
+from renderer.instrumented import records_of
 from renderer.oracle import Oracle
 from renderer.plan import PlanError
 from renderer.prepare import prepare
 from renderer.records import Records
 from renderer.request import Request, parse_size
-from renderer.twin import open_context
+from renderer.twin_host import TwinHost
 from renderer.variant import AXES, TRAVERSALS, Variant
 from scenes.catalogue import list_scenes
 from scenes.load import load
@@ -25,15 +25,16 @@ WALKS = tuple(name for name, row in TRAVERSALS.items() if row.structure != "none
 def report(name: str, size: tuple[int, int], methods: tuple[str, ...], layouts: tuple[str, ...]) -> None:
     """One line a variant."""
     scene = load(name)
-    oracle, context = Oracle(scene.vertices, scene.faces), open_context()
+    oracle, host = Oracle(scene.vertices, scene.faces), TwinHost(1)
     first: dict[bool, Records] = {}
     for traversal in WALKS:
         for method in methods:
             for layout in layouts:
                 label = f"{name:20s} {traversal:18s} {method:9s} {layout:8s}"
                 prepared = prepare(Request(name, Variant(traversal, method, layout), size))
+                plan = prepared.plan(instrument=True)
                 try:
-                    records = instrumented(prepared, context)
+                    records = records_of(prepared, plan, host.collect(plan))
                 except PlanError as error:
                     print(f"{label} refused: {error}", flush=True)
                     continue

@@ -6,14 +6,18 @@ from typing import Any
 
 from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy import select
+from sqlalchemy.orm import Session
 
 from server.bodies import JobBody, StudyBody
+from server.idempotency import Answer, SubmissionOf, answer_once, earlier_answer
 from server.problems import Problem
-from server.queue import end_job
+from server.queue.dispatch import submit
+from server.queue.durable import Durable
+from server.queue.ledger import end_job
 from server.scene_list import is_here, list_scenes, require_scene
 from server.store.database import Database
 from server.store.models import Job
-from server.store.records import add_job, add_study
+from server.store.records import Order, add_study
 from server.store.states import OPEN, State
 from server.studies import plan_study
 from server.views import MAX_ID, find_job, find_study, job_line, job_view, study_view
@@ -28,15 +32,28 @@ def database_of(request: Request) -> Database:
     return database
 
 
+def durable_of(request: Request) -> Durable:
+    """The queue of the app that a request came to."""
+    durable = request.app.state.durable
+    assert isinstance(durable, Durable)
+    return durable
+
+
 @router.post("/jobs", status_code=201)
-def create_job(body: JobBody, request: Request, response: Response) -> dict[str, Any]:
+def create_job(body: JobBody, request: Request, submission: SubmissionOf) -> Response:
     """Queue one variant on one scene."""
+    database = database_of(request)
+    earlier = earlier_answer(database, submission)
+    if earlier is not None:
+        return earlier
     asked = body.to_request()
     require_scene(asked.scene)
-    with database_of(request).writing() as session:
-        job = add_job(session, asked)
-        response.headers["Location"] = f"/api/v1/jobs/{job.id}"
-        return job_view(job)
+
+    def create(session: Session) -> Answer:
+        [job] = submit(session, durable_of(request), [Order(asked, body.device)], body.priority)
+        return Answer(job_view(job), f"/api/v1/jobs/{job.id}")
+
+    return answer_once(database, submission, create)
 
 
 @router.get("/jobs")
@@ -70,27 +87,37 @@ def read_job(job_id: str, request: Request) -> dict[str, Any]:
 
 @router.post("/jobs/{job_id}/cancel")
 def cancel_job(job_id: str, request: Request) -> dict[str, Any]:
-    """Cancel a queued or running job; a slice that is being measured is finished and dropped."""
+    """Cancel a queued or running job; what is being measured is ended within seconds."""
     with database_of(request).writing() as session:
-        job = find_job(session, job_id)
+        job = find_job(session, job_id, for_update=True)
         if job.state not in OPEN:
             raise Problem(409, f"Job {job_id} is {job.state}: only a queued or running job can be cancelled.")
-        end_job(session, job, "cancelled", "Cancelled on request.")
+        void = end_job(session, job, "cancelled", "Cancelled on request.")
         session.flush()
         session.expire(job)
-        return job_view(job)
+        view = job_view(job)
+    durable_of(request).cancel(void)
+    return view
 
 
 @router.post("/studies", status_code=201)
-def create_study(body: StudyBody, request: Request, response: Response) -> dict[str, Any]:
+def create_study(body: StudyBody, request: Request, submission: SubmissionOf) -> Response:
     """Queue a matrix of variants over scenes; the answer lists what was left out, with reasons."""
-    planned = plan_study(body.to_study(), require_scene, is_here)
+    database = database_of(request)
+    earlier = earlier_answer(database, submission)
+    if earlier is not None:
+        return earlier
+    study_asked = body.to_study()
+    planned = plan_study(study_asked, require_scene, is_here)
     posted = body.model_dump(mode="json", exclude_none=True)
-    with database_of(request).writing() as session:
-        study = add_study(session, body.name, posted, planned.requests, planned.refused)
-        session.flush()
-        response.headers["Location"] = f"/api/v1/studies/{study.id}"
-        return study_view(session, study)
+    orders = [Order(asked, device) for asked in planned.requests for device in study_asked.devices]
+
+    def create(session: Session) -> Answer:
+        study = add_study(session, body.name, posted, planned.refused)
+        submit(session, durable_of(request), orders, body.priority, study.id)
+        return Answer(study_view(session, study), f"/api/v1/studies/{study.id}")
+
+    return answer_once(database, submission, create)
 
 
 @router.get("/studies/{study_id}")
@@ -105,10 +132,14 @@ def cancel_study(study_id: str, request: Request) -> dict[str, Any]:
     """Cancel what of a study is still queued or running."""
     with database_of(request).writing() as session:
         study = find_study(session, study_id)
-        for job in session.scalars(select(Job).where(Job.study_id == study.id, Job.state.in_(OPEN))):
-            end_job(session, job, "cancelled", "Cancelled with its study.")
+        still_open = select(Job).where(Job.study_id == study.id, Job.state.in_(OPEN)).order_by(Job.id)
+        void: list[str] = []
+        for job in session.scalars(still_open.with_for_update()):
+            void += end_job(session, job, "cancelled", "Cancelled with its study.")
         session.flush()
-        return study_view(session, study)
+        view = study_view(session, study)
+    durable_of(request).cancel(void)
+    return view
 
 
 @router.get("/scenes")

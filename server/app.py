@@ -9,10 +9,13 @@ from fastapi import FastAPI, Request
 from fastapi.responses import Response
 from sqlalchemy.exc import SQLAlchemyError
 
-from server import api, api_compare, problems
+from server import api, api_compare, api_devices, api_events, problems
 from server.dashboard import pages
+from server.feed import Feed
 from server.guard import Guard
 from server.problems import Problem
+from server.queue.care import caring
+from server.queue.durable import Durable
 from server.settings import Settings
 from server.store.database import Database
 
@@ -23,14 +26,22 @@ def create_app(settings: Settings) -> FastAPI:
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.database = Database(settings.database_url)
+        app.state.durable = Durable(app.state.database)
+        app.state.feed = Feed(app.state.database)
         try:
-            yield
+            with caring(app.state.database, app.state.durable, settings.lease_s):
+                yield
         finally:
+            await app.state.feed.close()
+            app.state.durable.close()
             app.state.database.close()
 
     app = FastAPI(title="RayFarm", lifespan=lifespan, openapi_url="/api/v1/openapi.json", docs_url=None, redoc_url=None)
     app.include_router(api.router)
     app.include_router(api_compare.router)
+    app.include_router(api_events.router)
+    app.include_router(api_devices.router)
+    app.state.lease_s = settings.lease_s
     pages.install(app)
     problems.install(app)
     app.add_middleware(Guard, allowed_hosts=settings.allowed_hosts)

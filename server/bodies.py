@@ -11,6 +11,7 @@ from renderer.build.tree import SahCosts
 from renderer.request import Check, Request, parse_size
 from renderer.variant import Variant
 from scenes.scene import Camera
+from server.store.models import LLVMPIPE, NORMAL_PRIORITY
 from server.studies import STUDIES, Study, StudyError, require_study, with_changes
 
 Coordinate = Annotated[float, Field(allow_inf_nan=False, ge=-1e9, le=1e9)]
@@ -70,6 +71,7 @@ class CameraBody(Body):
         return self
 
 
+Priority = Annotated[int, Field(ge=1, le=1_000_000, description="1 is the most urgent")]
 Size = Annotated[tuple[int, int], BeforeValidator(_read_size)]
 Switch = Annotated[bool, BeforeValidator(_read_switch)]
 Words = Annotated[list[Name], BeforeValidator(_read_words)]
@@ -98,6 +100,8 @@ class JobBody(Body):
     vs_embree: Switch = False
     specialise: Switch = True
     camera: CameraBody | None = None
+    device: Name = LLVMPIPE
+    priority: Priority = NORMAL_PRIORITY
 
     def to_request(self) -> Request:
         """The request; raise RequestError with one sentence when it cannot be measured."""
@@ -131,6 +135,8 @@ class StudyBody(Body):
     check: Check | None = None
     vs_embree: Switch | None = None
     specialise: Switch | None = None
+    devices: Words | None = None
+    priority: Priority = NORMAL_PRIORITY
 
     def to_study(self) -> Study:
         """The study; raise StudyError when it is neither a named one nor names scenes."""
@@ -140,6 +146,8 @@ class StudyBody(Body):
         study = require_study(self.name) if named else Study(scenes=())
         if self.scenes is not None:
             study = with_changes(study, scenes=tuple(self.scenes), optional_scenes=())
+        if self.devices is not None:
+            study = with_changes(study, devices=tuple(dict.fromkeys(self.devices)) or (LLVMPIPE,))
         fields = ("axes", "size", "frames", "rounds", "rays", "check", "vs_embree", "specialise")
         costs = SahCosts(self.sah.traversal, self.sah.intersection) if self.sah else None
         return with_changes(study, costs=costs, **{name: getattr(self, name) for name in fields})

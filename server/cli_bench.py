@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
+from functools import partial
 from typing import Annotated, cast
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from renderer.bench import Result, run_jobs
+from renderer.bench import Result, RunSlice, run_jobs, run_slice
 from renderer.child import ChildError
 from renderer.request import Check, Request, parse_size
 from renderer.variant import Variant
@@ -33,6 +34,8 @@ from server.cli_plan import (
     read_switch,
     slow_warning,
 )
+from server.devices.agent_host import AgentHost
+from server.devices.phone_slice import run_phone_slice
 from server.studies import Study
 
 ROUNDS = 3
@@ -40,6 +43,10 @@ ROUNDS = 3
 RoundsOption = Annotated[
     int | None,
     typer.Option(help="Rounds, each in fresh processes; by default 3, or as few as the frames.", show_default=False),
+]
+DeviceOption = Annotated[
+    str | None,
+    typer.Option("--device", help="Measure on the phone with this serial (`adb devices`).", show_default=False),
 ]
 JsonLines = Annotated[
     bool,
@@ -78,9 +85,11 @@ def bench(
     specialise: Annotated[str, typer.Option(help="on leaves out what the scene does not need, off keeps it.")] = "on",
     camera: CameraOption = None,
     threads: Annotated[int, typer.Option(help="Rasteriser threads of llvmpipe.")] = 1,
+    device: DeviceOption = None,
+    via: Annotated[str, typer.Option(help="How the agent comes into the phone: shell or apk.")] = "shell",
     as_json: JsonLines = False,
 ) -> None:
-    """Measure SCENE here, without a server.
+    """Measure SCENE here or on a phone, without a server.
 
     Combinations that are refused are left out and listed; `all` leaves out brute-force above 10^9 ray-triangle tests
     a frame. The exit code is 1 when a variant failed and 2 for bad input.
@@ -98,10 +107,11 @@ def bench(
         vs_embree=vs_embree,
         specialise=read_switch("specialise", specialise),
     )
+    run = _slices_on(device, via)
     here = plan_here(study, read_camera(camera), threads)
     print_refused(here, as_json)
     _warn_slow(here, as_json)
-    results = _run(here, quiet=as_json)
+    results = _run(here, run, quiet=as_json)
     _print_results(here, [result for result in results if not isinstance(result, ChildError)], as_json)
     failures = [(r, e) for r, e in zip(here.requests, results, strict=True) if isinstance(e, ChildError)]
     for request, error in failures:
@@ -128,7 +138,15 @@ def _warn_slow(here: Here, as_json: bool) -> None:
         print(json.dumps({"warning": warning}) if as_json else f"Warning: {warning}", file=sys.stderr)
 
 
-def _run(here: Here, *, quiet: bool) -> list[Result | ChildError]:
+def _slices_on(device: str | None, via: str) -> RunSlice:
+    """What measures a slice: the twin here, or a phone; raise PlanError before any work for one that cannot be."""
+    if device is None:
+        return run_slice
+    AgentHost(device, via)
+    return partial(run_phone_slice, device, via)
+
+
+def _run(here: Here, run: RunSlice, *, quiet: bool) -> list[Result | ChildError]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("slices"))
     with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True, quiet=quiet)) as progress:
         total = sum(request.rounds for request in here.requests)
@@ -139,7 +157,7 @@ def _run(here: Here, *, quiet: bool) -> list[Result | ChildError]:
             text = f"{request.variant.label}, round {round_index + 1} of {request.rounds}"
             progress.update(task, description=text, completed=next(begun))
 
-        results = run_jobs(here.requests, show)
+        results = run_jobs(here.requests, show, run)
         progress.update(task, description="measured", completed=total)
         return results
 

@@ -98,5 +98,10 @@ def _heading(scene: Scene, result: Result, axes: Sequence[str]) -> list[str]:
     return [
         f"{scene.name}{note}: {result['triangles']:,} triangles",
         ", ".join(said),
-        f"{device['name']}, {device['driver']}, {device['threads']} thread{'s' * (device['threads'] != 1)}",
+        ", ".join([device["name"], device["driver"], *_threads(device.get("threads"))]),
     ]
+
+
+def _threads(count: int | None) -> list[str]:
+    """Rasteriser threads; a phone's GPU has none."""
+    return [] if count is None else [f"{count} thread{'s' * (count != 1)}"]

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import time
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any
 from urllib.parse import urlsplit
 
@@ -13,6 +17,8 @@ from rich.console import Console
 from server.settings import settings
 
 TIMEOUT_S = 60.0
+PAUSES_S = (0.5, 1.0, 2.0, 4.0)
+"""Between the tries of a submission whose connection is lost."""
 PLAIN_WIDTH = 160
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
@@ -59,6 +65,30 @@ class Client:
         """POST a JSON body to a path under /api/v1."""
         return self._ask("POST", path, json=body).json()
 
+    def delete(self, path: str) -> None:
+        """DELETE a path under /api/v1."""
+        self._ask("DELETE", path)
+
+    def submit(self, path: str, body: dict[str, Any]) -> Any:
+        """POST a JSON body to a path under /api/v1; it is taken once, even when it is sent again."""
+        headers = {"Idempotency-Key": uuid.uuid4().hex}
+        return self._ask("POST", path, PAUSES_S, json=body, headers=headers).json()
+
+    @contextmanager
+    def stream(self, path: str, headers: dict[str, str]) -> Iterator[Iterator[str]]:
+        """GET a path under /api/v1 as lines, while they come; raise httpx.TransportError when they stop coming."""
+        with self._http.stream("GET", f"/api/v1/{path}", headers=headers) as answer:
+            if answer.is_error:
+                answer.read()
+                raise ClientError(_detail(answer))
+            yield answer.iter_lines()
+
+    def no_answer(self) -> ClientError:
+        """The error of a service that is not there."""
+        return ClientError(
+            f"No RayFarm service answers at {self.address}: start one with `rayfarm serve` or use --server."
+        )
+
     def close(self) -> None:
         """Close the connection."""
         self._http.close()
@@ -71,16 +101,25 @@ class Client:
         """Close."""
         self.close()
 
-    def _ask(self, method: str, path: str, **values: Any) -> httpx.Response:
+    def _ask(self, method: str, path: str, pauses: tuple[float, ...] = (), **values: Any) -> httpx.Response:
         try:
-            answer = self._http.request(method, f"/api/v1/{path}", **values)
+            answer = self._send(method, path, pauses, **values)
         except httpx.TransportError as error:
-            raise ClientError(
-                f"No RayFarm service answers at {self.address}: start one with `rayfarm serve` or use --server."
-            ) from error
+            raise self.no_answer() from error
         if answer.is_error:
             raise ClientError(_detail(answer))
         return answer
+
+    def _send(self, method: str, path: str, pauses: tuple[float, ...], **values: Any) -> httpx.Response:
+        """Send, and again after each of the pauses while the connection is lost; not where nobody listens at first."""
+        for number, pause_s in enumerate(pauses):
+            try:
+                return self._http.request(method, f"/api/v1/{path}", **values)
+            except httpx.TransportError as error:
+                if number == 0 and isinstance(error, httpx.ConnectError):
+                    raise
+                time.sleep(pause_s)
+        return self._http.request(method, f"/api/v1/{path}", **values)
 
 
 def _detail(answer: httpx.Response) -> str:

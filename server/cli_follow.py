@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 from rich.console import Console
@@ -10,9 +9,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.text import Text
 
 from server.cli_common import Client
+from server.cli_events import follow_events
 from server.store.states import OPEN
-
-PERIOD_S = 0.5
 
 Json = dict[str, Any]
 
@@ -20,24 +18,21 @@ Json = dict[str, Any]
 def follow_study(client: Client, number: int, console: Console) -> Json:
     """Show a study's progress on `console` until it has ended; the study as the API gives it."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("slices"))
-    told: set[int] = set()
+    jobs: dict[int, Json] = {job["id"]: job for job in client.get(f"studies/{number}")["jobs"]}
+    told = 0
     with Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal) as progress:
         task = progress.add_task(f"study {number}")
-        while True:
-            study: Json = client.get(f"studies/{number}")
-            slices = study["slices"]
+        for change in follow_events(client, f"studies/{number}/events"):
+            slices = change["study_progress"]
             progress.update(task, completed=slices["done"] + slices["ended"], total=slices["total"])
-            _tell_ended(study, told, progress.console)
-            if study["state"] not in OPEN:
-                return study
-            time.sleep(PERIOD_S)
+            if change["state"] not in OPEN:
+                told += 1
+                progress.console.print(_line(f"[{told}/{len(jobs)}]", jobs[change["job"]], change))
+    study: Json = client.get(f"studies/{number}")
+    return study
 
 
-def _tell_ended(study: Json, told: set[int], console: Console) -> None:
-    """A line for every job that ended since the last time."""
-    for job in study["jobs"]:
-        if job["state"] in OPEN or job["id"] in told:
-            continue
-        told.add(job["id"])
-        line = f"[{len(told)}/{len(study['jobs'])}] {job['scene']}, {job['variant']}: {job['state']}"
-        console.print(Text(line + (f": {job['reason']}" if job["reason"] else "")))
+def _line(count: str, job: Json, change: Json) -> Text:
+    """How a job ended."""
+    line = f"{count} {job['scene']}, {job['variant']}: {change['state']}"
+    return Text(line + (f": {change['reason']}" if change["reason"] else ""))

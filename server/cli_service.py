@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import logging
+import signal
 from typing import Annotated
 
 import typer
 
-from renderer.host import end_with_parent
+from renderer.process import end_with_parent
 from server.cli_common import JsonFlag, ParentOption, print_json
 from server.settings import settings
+
+LOOK_S = 0.5
+GIVEN_UP = 75
+"""The exit code of a worker that was taken for dead and must be started anew (EX_TEMPFAIL)."""
 
 
 def register(app: typer.Typer) -> None:
@@ -25,7 +30,8 @@ def serve(
     as_json: JsonFlag = False,
 ) -> None:
     """Serve the API and the pages, with a worker beside them, until told to end."""
-    from server.service import address, listen, running, wait_for_end
+    from server.processes import signalled
+    from server.service import address, listen, running
 
     chosen = settings()
     sock = listen(chosen.host if host is None else host, chosen.port if port is None else port)
@@ -34,7 +40,7 @@ def serve(
             print_json({"address": address(sock)})
         else:
             typer.echo(f"RayFarm serves at {address(sock)}")
-        wait_for_end()
+        signalled().wait()
 
 
 def worker(
@@ -43,26 +49,20 @@ def worker(
     parent: ParentOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Measure what is queued, one slice at a time, until told to end."""
-    import signal
+    """Measure what is queued, one slice at a time on each of this machine's devices, until told to end."""
+    from server.processes import signalled
+    from server.working import working
 
-    from renderer.bench import combine, run_slice
-    from server.store.database import Database
-    from server.worker import Stopped, Worker, stop_on_signals
-
-    stop_on_signals()
-    if parent is not None:
-        end_with_parent(parent, signal.SIGTERM)
     logging.basicConfig(level=logging.WARNING if quiet else logging.INFO, format="%(message)s")
     logging.getLogger("alembic").setLevel(logging.WARNING)
-    chosen = settings()
-    database = Database(chosen.database_url)
-    measuring = Worker(database, run_slice, combine, timeout_s=chosen.slice_timeout_s, lease_s=chosen.lease_s)
-    if as_json:
-        print_json({"worker": measuring.name})
-    try:
-        measuring.run_until_idle() if until_idle else measuring.run()
-    except Stopped:
-        return
-    finally:
-        database.close()
+    if parent is not None:
+        end_with_parent(parent, signal.SIGTERM)
+    told = signalled()
+    with working(settings()) as measuring:
+        if as_json:
+            print_json({"worker": measuring.name})
+        while not told.wait(LOOK_S) and not measuring.given_up:
+            if until_idle and measuring.is_idle():
+                return
+    if measuring.given_up:
+        raise typer.Exit(GIVEN_UP)

@@ -37,6 +37,7 @@ def study(
     size: Annotated[str | None, typer.Option(help="W or WxH, in pixels.")] = None,
     frames: Annotated[int | None, typer.Option(help="Timed frames over all rounds.")] = None,
     rounds: Annotated[int | None, typer.Option(help="Rounds, each in fresh processes.")] = None,
+    device: Annotated[str | None, typer.Option(help="With --server: the devices, as `rayfarm devices` lists.")] = None,
     output: Annotated[Path | None, typer.Option(help="Write the results there, one JSON document a line.")] = None,
     server: Annotated[str | None, typer.Option(help="Run it on a service instead of here.")] = None,
     as_json: JsonFlag = False,
@@ -45,10 +46,12 @@ def study(
     if server is not None:
         if output is not None:
             raise ClientError("--output is for studies that run here: leave it out with --server.")
-        given = {"size": size, "frames": frames, "rounds": rounds}
+        given = {"size": size, "frames": frames, "rounds": rounds, "devices": device}
         body = {"name": name} | {key: value for key, value in given.items() if value is not None}
         with Client(server) as client:
-            raise typer.Exit(show_study(client, client.post("studies", body), as_json))
+            raise typer.Exit(show_study(client, client.submit("studies", body), as_json))
+    if device is not None:
+        raise ClientError("--device is for studies on a service: add --server.")
     changes = {"size": parse_size(size) if size else None, "frames": frames, "rounds": rounds}
     planned = plan_study(with_changes(require_study(name), **changes), require_scene, is_here)
     results = _run_here(planned, Console(stderr=True))

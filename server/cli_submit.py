@@ -41,6 +41,8 @@ def submit(
     check: Annotated[str | None, typer.Option(help="none, oracle or referee.")] = None,
     vs_embree: Annotated[bool, typer.Option("--vs-embree", help="Trace the same rays with Embree.")] = False,
     specialise: Annotated[str | None, typer.Option(help="on or off.")] = None,
+    device: Annotated[str | None, typer.Option(help="llvmpipe, or devices as `rayfarm devices` lists them.")] = None,
+    priority: Annotated[int | None, typer.Option(help="1 is the most urgent, 100 the usual.")] = None,
     wait: Annotated[bool, typer.Option("--wait/--no-wait", help="Wait for the results.")] = True,
     server: ServerOption = None,
     as_json: JsonFlag = False,
@@ -48,13 +50,14 @@ def submit(
     """Measure SCENE, or a named study, on a service; show progress, then the comparison."""
     given = locals()
     axes = {axis: given[axis] for axis in AXES if given[axis] is not None}
-    plain = {name: given[name] for name in ("rays", "size", "frames", "rounds", "sah", "check", "specialise")}
+    names = ("rays", "size", "frames", "rounds", "sah", "check", "specialise", "priority")
+    plain = {name: given[name] for name in names} | {"devices": device}
     body = {name: value for name, value in plain.items() if value is not None}
     body |= {"vs_embree": True} if vs_embree else {}
     body |= {"axes": axes} if axes else {}
     body |= _what(scene, study)
     with Client(server) as client:
-        posted = client.post("studies", body)
+        posted = client.submit("studies", body)
         if wait:
             raise typer.Exit(show_study(client, posted, as_json))
         if as_json:

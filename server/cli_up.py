@@ -25,7 +25,8 @@ def up(
     as_json: JsonFlag = False,
 ) -> None:
     """Start the service, submit the demo study over HTTP, show its table, and keep serving."""
-    from server.service import address, listen, running, wait_for_end
+    from server.processes import signalled
+    from server.service import address, listen, running
 
     chosen = settings()
     sock = listen(chosen.host, chosen.port if port is None else port)
@@ -34,10 +35,10 @@ def up(
     with running(chosen, sock, with_worker=True), Client(base) as client:
         if not as_json:
             typer.echo(f"RayFarm serves at {base}")
-        code = show_study(client, client.post("studies", {"name": study}), as_json)
+        code = show_study(client, client.submit("studies", {"name": study}), as_json)
         if not leave:
             typer.echo("Serving on: end it with Ctrl-C.", err=as_json)
-            wait_for_end()
+            signalled().wait()
     raise typer.Exit(code)
 
 

@@ -3,8 +3,23 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+import threading
+from types import FrameType
+
+
+def signalled() -> threading.Event:
+    """An event that SIGTERM and SIGINT set from now on, instead of what they did."""
+    told = threading.Event()
+
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        told.set()
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, handle)
+    return told
 
 
 def start_verb(*words: str) -> subprocess.Popen[bytes]:

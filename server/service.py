@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import signal
 import socket
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
 
 import uvicorn
+from fastapi import FastAPI
 
 from server import processes
 from server.app import create_app
@@ -45,10 +44,24 @@ def address(sock: socket.socket) -> str:
     return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
 
 
-def make_server(settings: Settings, log_level: str = "warning") -> uvicorn.Server:
-    """A uvicorn server of the application, to be run on a socket from `listen`."""
-    config = uvicorn.Config(create_app(settings), log_level=log_level, server_header=False, timeout_graceful_shutdown=3)
-    return uvicorn.Server(config)
+class Server(uvicorn.Server):
+    """A server that ends its streams of events when it is to end; uvicorn would wait for them."""
+
+    def __init__(self, config: uvicorn.Config, app: FastAPI) -> None:
+        super().__init__(config)
+        self.app = app
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End the streams, then everything else."""
+        self.app.state.feed.end()
+        await super().shutdown(sockets)
+
+
+def make_server(settings: Settings, log_level: str = "warning") -> Server:
+    """A server of the application, to be run on a socket from `listen`."""
+    app = create_app(settings)
+    config = uvicorn.Config(app, log_level=log_level, server_header=False, timeout_graceful_shutdown=3)
+    return Server(config, app)
 
 
 @contextmanager
@@ -73,18 +86,6 @@ def running(settings: Settings, sock: socket.socket, with_worker: bool) -> Itera
         server.should_exit = True
         serving.join()
         sock.close()
-
-
-def wait_for_end() -> None:
-    """Wait for SIGTERM or SIGINT."""
-    ended = threading.Event()
-
-    def handle(_number: int, _frame: FrameType | None) -> None:
-        ended.set()
-
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, handle)
-    ended.wait()
 
 
 def _wait_until_started(server: uvicorn.Server, serving: threading.Thread) -> None:

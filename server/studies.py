@@ -9,6 +9,7 @@ from typing import Any
 from renderer.build.tree import SahCosts
 from renderer.request import Check, Request
 from renderer.variant import AXES, Variant, expand, matrix
+from server.store.models import LLVMPIPE
 
 MAX_SLICES = 20_000
 BRUTE_FORCE_LIMIT = 1e9
@@ -41,6 +42,7 @@ class Study:
     check: Check = "referee"
     vs_embree: bool = False
     specialise: bool = True
+    devices: tuple[str, ...] = (LLVMPIPE,)
 
 
 STUDIES: dict[str, Study] = {
@@ -100,7 +102,7 @@ def plan_study(study: Study, require_scene: Callable[[str], Entry], is_here: Cal
                 requests.append(_request(study, entry["name"], variant))
             else:
                 left_out.append({"scene": entry["name"], **variant.as_dict(), "reason": reason})
-    _require_some(requests, left_out)
+    _require_some(requests, left_out, len(study.devices))
     return Planned(requests, left_out)
 
 
@@ -130,11 +132,11 @@ def _too_much(study: Study, entry: Entry, variant: Variant) -> str | None:
     return f"all leaves out brute-force above 10^9 ray-triangle tests a frame; here they are {tests:.1e}."
 
 
-def _require_some(requests: Sequence[Request], left_out: Sequence[Mapping[str, Any]]) -> None:
+def _require_some(requests: Sequence[Request], left_out: Sequence[Mapping[str, Any]], devices: int) -> None:
     if not requests:
         reasons = dict.fromkeys(str(item["reason"]) for item in left_out)
         raise StudyError(f"Every combination of the study is refused: {' '.join(reasons)}")
-    slices = sum(request.rounds for request in requests)
+    slices = sum(request.rounds for request in requests) * devices
     if slices > MAX_SLICES:
         raise StudyError(f"The study has {slices} slices, more than {MAX_SLICES}: ask for fewer variants or rounds.")
 

@@ -14,12 +14,13 @@ from server.problems import Problem
 from server.store.models import Job, Slice, Study
 from server.store.states import OPEN, STATES
 
-MAX_ID = 2**63 - 1
+MAX_ID = 2**31 - 1
+"""The largest id that every database holds."""
 
 
-def find_job(session: Session, job_id: str) -> Job:
-    """A job by the id in a path; raise Problem 404 when there is none."""
-    job = session.get(Job, int(job_id)) if _is_id(job_id) else None
+def find_job(session: Session, job_id: str, *, for_update: bool = False) -> Job:
+    """A job by the id in a path, its row locked if it will be changed; raise Problem 404 when there is none."""
+    job = session.get(Job, int(job_id), with_for_update=for_update or None) if _is_id(job_id) else None
     if job is None:
         raise Problem(404, f"There is no job {job_id}.")
     return job
@@ -51,6 +52,8 @@ def job_line(job: Job) -> dict[str, Any]:
         "study": job.study_id,
         "scene": job.scene,
         "variant": job.label,
+        "device": job.device,
+        "priority": job.priority,
         "state": job.state,
         "reason": job.reason,
         "created_at": _iso(job.created_at),
@@ -97,6 +100,7 @@ def _slices_by_state(session: Session, study: Study) -> dict[str, int]:
 def _rows(jobs: Sequence[Job]) -> str:
     """The rows that tell a study's results apart: traversal, and every other axis on which its jobs differ."""
     others = [axis for axis in AXES if len({job.request["variant"][axis] for job in jobs}) > 1 and axis != "traversal"]
+    others += ["device"] * (len({job.device for job in jobs}) > 1)
     return f"&rows={','.join(['traversal', *others])}" if others else ""
 
 

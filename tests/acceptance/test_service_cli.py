@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +17,7 @@ import pytest
 from service_fakes import Service, running_service
 
 from server import cli
+from server.store.states import OPEN
 
 
 @pytest.fixture
@@ -29,17 +29,8 @@ def service(tmp_path: Path) -> Iterator[Service]:
 @pytest.fixture
 def worked(service: Service) -> Iterator[Service]:
     """A service whose queue is worked on beside the test."""
-    done = threading.Event()
-
-    def work() -> None:
-        while not done.wait(0.05):
-            service.work()
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    yield service
-    done.set()
-    thread.join()
+    with service.working():
+        yield service
 
 
 def rayfarm(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
@@ -174,7 +165,7 @@ def _wait_for_job(base: str, body: dict[str, Any]) -> dict[str, Any]:
     with httpx.Client(base_url=base, timeout=30, trust_env=False) as client:
         job: dict[str, Any] = client.post("/api/v1/jobs", json=body).raise_for_status().json()
         deadline = time.monotonic() + 180
-        while job["state"] in ("queued", "running"):
+        while job["state"] in OPEN:
             assert time.monotonic() < deadline, "the job did not end in 180 s"
             time.sleep(0.2)
             job = client.get(job["url"]).json()

@@ -17,8 +17,7 @@ from service_fakes import SPEEDS, Service, running_service
 
 from renderer.request import Request
 from renderer.variant import Variant
-from server.store.models import Job
-from server.store.records import add_job, add_result
+from server.store.records import Order, add_jobs, add_result
 
 HOSTILE = '<script>alert(1)</script><img src=x onerror="alert(2)"> & "quoted" \'names\''
 PAPER = ("bvh-parent-link", "bvh-restart-trail", "kd-push-down", "kd-backtrack")
@@ -178,9 +177,9 @@ def _add_hostile_scene(service: Service) -> None:
     """A result whose scene is no name from the catalogue, as an import might bring one."""
     request = Request("forest", Variant("kd-backtrack"), frames=1, rounds=1)
     with service.database.writing() as session:
-        job: Job = add_job(session, request)
-        job.state = "done"
-        add_result(session, job, service.bench.combine(request, [{"speed": 0.5}]) | {"scene": HOSTILE})
+        [part] = add_jobs(session, [Order(request)])
+        part.state = part.job.state = "done"
+        add_result(session, part.job, service.bench.combine(request, [{"speed": 0.5}]) | {"scene": HOSTILE})
 
 
 def _log(browser: Chrome, kind: str) -> list[dict[str, Any]]:

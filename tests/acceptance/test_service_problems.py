@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from typing import Any
 
 import httpx
@@ -11,8 +12,15 @@ from service_fakes import Service, running_service
 
 
 @pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    with running_service(tmp_path_factory.mktemp("service")) as running:
+def service(
+    tmp_path_factory: pytest.TempPathFactory,
+    database_kind: str,
+    fresh_database: Callable[[str], AbstractContextManager[str]],
+) -> Iterator[Service]:
+    with (
+        fresh_database(database_kind) as url,
+        running_service(tmp_path_factory.mktemp("service"), url) as running,
+    ):
         yield running
 
 
@@ -108,8 +116,10 @@ def test_a_bad_body_is_refused(service: Service, content: bytes, status: int, wo
         ("jobs/1", 404, "no job 1"),
         ("jobs/0", 404, "no job 0"),
         ("jobs/x", 404, "no job x"),
+        ("jobs/3000000000", 404, "no job 3000000000"),
         ("jobs/99999999999999999999", 404, "no job"),
         ("studies/7", 404, "no study 7"),
+        ("studies/3000000000", 404, "no study"),
         ("nothing", 404, "/api/v1/nothing"),
         ("jobs?state=asleep", 422, "state"),
         ("jobs?limit=0", 422, "limit"),

@@ -24,6 +24,7 @@ from renderer.planner import LOOP_BUDGET, pass_triangles
 from renderer.records import Flags
 from renderer.request import Request
 from renderer.slice import measure
+from renderer.twin_host import TwinHost
 from renderer.variant import Variant
 from scenes.scene import Camera, Scene
 
@@ -141,7 +142,7 @@ def test_a_run_that_was_cut_is_refused(traversal: str, tmp_path: Path) -> None:
     camera = Camera((0.4, 0.5, 3.0), (0.5, 0.5, 0.5), 40.0)
     request = Request(str(path), Variant(traversal), SIZE, frames=2, rounds=2, check="none", camera=camera)
     with pytest.raises(CutShortError, match="64 pixels were cut short"):
-        measure(request, 0)
+        measure(request, 0, TwinHost(1))
     # A later round makes no records: the image alone must tell.
     with pytest.raises(CutShortError, match="64 pixels were cut short"):
-        measure(request, 1)
+        measure(request, 1, TwinHost(1))

@@ -1,0 +1,95 @@
+"""`Idempotency-Key`: a submission that is sent twice is taken once (draft-ietf-httpapi-idempotency-key-header)."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Annotated
+
+from fastapi import Depends, Header, Request
+from fastapi.responses import JSONResponse
+from sqlalchemy import delete
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+
+from server.problems import Problem
+from server.store.database import Database
+from server.store.models import Json, Submitted, now
+
+HEADER = "Idempotency-Key"
+REPLAYED = "Idempotent-Replayed"
+KEPT = timedelta(hours=24)
+_KEY = re.compile(r"[!-~]{1,200}")
+
+KeyHeader = Annotated[str | None, Header(alias=HEADER, description="A request with the same key is taken once a day.")]
+
+
+@dataclass(frozen=True)
+class Submission:
+    """A request that creates something: its key, if it has one, and a digest of method, path and body."""
+
+    key: str | None
+    digest: str
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a submission is answered with, and where what it created is."""
+
+    body: Json
+    location: str
+    status: int = 201
+
+    def response(self, **headers: str) -> JSONResponse:
+        """The response."""
+        return JSONResponse(self.body, self.status, {"Location": self.location, **headers})
+
+
+async def read_submission(request: Request, key: KeyHeader = None) -> Submission:
+    """A request's submission; raise Problem 422 when its key cannot be one."""
+    if len(request.headers.getlist(HEADER)) > 1 or (key is not None and not _KEY.fullmatch(key)):
+        raise Problem(422, f"The {HEADER} is wrong: send one of 1 to 200 visible ASCII characters without spaces.")
+    head = f"{request.method} {request.url.path}\n".encode()
+    return Submission(key, hashlib.sha256(head + await request.body()).hexdigest())
+
+
+SubmissionOf = Annotated[Submission, Depends(read_submission)]
+
+
+def earlier_answer(database: Database, submission: Submission) -> JSONResponse | None:
+    """The answer that the key got in the last 24 hours, or None; raise Problem 422 for another request's key."""
+    if submission.key is None:
+        return None
+    with database.reading() as session:
+        stored = session.get(Submitted, submission.key)
+    if stored is None or stored.created_at < now() - KEPT:
+        return None
+    if stored.digest != submission.digest:
+        raise Problem(
+            422, f"The {HEADER} {submission.key!r} was used with another request: send this one with a key of its own."
+        )
+    return Answer(stored.body, stored.location, stored.status).response(**{REPLAYED: "true"})
+
+
+def answer_once(database: Database, submission: Submission, create: Callable[[Session], Answer]) -> JSONResponse:
+    """Create and answer, both kept in one transaction; of several at once with the same key one creates."""
+    try:
+        with database.writing() as session:
+            answer = create(session)
+            if submission.key is not None:
+                _keep(session, submission, answer)
+    except IntegrityError:
+        earlier = earlier_answer(database, submission)
+        if earlier is None:
+            raise
+        return earlier
+    return answer.response()
+
+
+def _keep(session: Session, submission: Submission, answer: Answer) -> None:
+    session.execute(delete(Submitted).where(Submitted.created_at < now() - KEPT))
+    kept = {"status": answer.status, "location": answer.location, "body": answer.body}
+    session.add(Submitted(key=submission.key, digest=submission.digest, **kept))

@@ -1,0 +1,109 @@
+"""The pages' progress in headless Chromium: shown as it happens, over a restart, and without JavaScript."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+from browsing import running_browser
+from event_service import EventService, running_events, wait_until
+from selenium.common.exceptions import StaleElementReferenceException
+from selenium.webdriver import Chrome
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import WebDriverWait
+
+HOSTILE = '<img src=x onerror="alert(1)"> & <b>bold</b>'
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
+    with running_browser(tmp_path_factory.mktemp("chromium")) as chrome:
+        yield chrome
+
+
+@pytest.fixture
+def service(tmp_path: Path) -> Iterator[EventService]:
+    with running_events(f"sqlite:///{tmp_path / 'x.sqlite'}") as running:
+        yield running
+
+
+def test_a_studys_page_shows_what_happens(service: EventService, browser: Chrome) -> None:
+    first, second = service.add(2, study=True)
+    open_page(browser, f"{service.base}/studies/1")
+    service.change(first, "running", reason=HOSTILE)
+    until(browser, lambda: row(browser, first) == ("running", HOSTILE))
+    service.change(first, "done")
+    until(browser, lambda: text(browser, "slices") == "2 of 4 slices")
+    assert browser.execute_script("return window.mark") == "kept"  # It was not loaded anew.
+    assert row(browser, second) == ("queued", "")
+    service.change(second, "done")
+    until(browser, lambda: text(browser, "state") == "done")
+    until(browser, lambda: browser.execute_script("return window.mark") is None)
+    assert text(browser, "slices") == "4 of 4 slices"
+    streams = [url for url in requested(browser) if "/events" in url]
+    assert streams == [f"{service.base}/api/v1/studies/1/events?after=2"]
+    wait_until(lambda: not service.feed.is_polling)
+
+
+def test_a_jobs_page_goes_on_after_a_restart(service: EventService, browser: Chrome) -> None:
+    (job,) = service.add()
+    service.change(job, "preparing")
+    open_page(browser, f"{service.base}/jobs/{job}")
+    service.change(job, "running", reason=HOSTILE)
+    until(browser, lambda: text(browser, "reason") == HOSTILE)
+    service.stop()
+    service.change(job, "waiting", reason="The phone is away.")
+    service.start()
+    until(browser, lambda: text(browser, "state") == "waiting")
+    assert browser.execute_script("return window.mark") == "kept"
+    shown = [entry.text.split(" ", 2)[2] for entry in browser.find_elements(By.CSS_SELECTOR, ".history li")]
+    assert shown == ["queued", "preparing", f"running {HOSTILE}", "waiting The phone is away."]
+    assert browser.find_elements(By.CSS_SELECTOR, ".history img, .history b") == []
+
+
+def test_a_page_of_the_past_listens_to_nothing(service: EventService, browser: Chrome) -> None:
+    (job,) = service.add()
+    service.change(job, "done")
+    requested(browser)
+    open_page(browser, f"{service.base}/jobs/{job}")
+    assert text(browser, "state") == "done"
+    assert [url for url in requested(browser) if "/events" in url] == []
+
+
+def test_without_scripts_the_page_loads_itself(service: EventService, tmp_path: Path) -> None:
+    (job,) = service.add()
+    with running_browser(tmp_path / "chromium", scripts=False) as browser:
+        browser.get(f"{service.base}/jobs/{job}")
+        assert text(browser, "state") == "queued"
+        service.change(job, "done")
+        until(browser, lambda: text(browser, "state") == "done")
+        assert browser.find_elements(By.CSS_SELECTOR, "meta[http-equiv=refresh]") == []
+
+
+def open_page(browser: Chrome, url: str) -> None:
+    requested(browser)
+    browser.get(url)
+    browser.execute_script("window.mark = 'kept'")
+
+
+def text(browser: Chrome, name: str) -> str:
+    return str(browser.find_element(By.ID, name).text)
+
+
+def row(browser: Chrome, job: int) -> tuple[str, str]:
+    found = browser.find_element(By.CSS_SELECTOR, f"tr[data-job='{job}']")
+    return found.find_element(By.CLASS_NAME, "state").text, found.find_element(By.CLASS_NAME, "reason").text
+
+
+def until(browser: Chrome, condition: Callable[[], Any]) -> None:
+    # A page that loads anew leaves the elements that were just found behind.
+    WebDriverWait(browser, 30, ignored_exceptions=[StaleElementReferenceException]).until(lambda _: condition())
+
+
+def requested(browser: Chrome) -> list[str]:
+    entries = cast(Any, browser).get_log("performance")
+    messages = [json.loads(entry["message"])["message"] for entry in entries]
+    return [m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"]
