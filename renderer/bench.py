@@ -53,6 +53,8 @@ def combine(request: Request, measurements: list[dict[str, Any]]) -> Result:
     first = min(measurements, key=lambda measurement: int(measurement["round"]))
     wall = [time for measurement in measurements for time in measurement["frames"]["wall"]]
     cpu = [time for measurement in measurements for time in measurement["frames"]["cpu"]]
+    if len(cpu) != len(wall):
+        cpu = []  # A host that could tell it in some rounds only would give a median of those.
     gpu = [time for measurement in measurements for time in measurement["frames"]["gpu"]]
     embree = [time for measurement in measurements for time in measurement["embree_cpu"]]
     timed = _rays_timed(request, first["rays"])
