@@ -9,6 +9,7 @@ from typing import Any, cast
 from urllib.parse import urlsplit
 
 import pytest
+from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver import Chrome, ChromeOptions
 from selenium.webdriver.chrome.service import Service as Driver
 from selenium.webdriver.common.by import By
@@ -171,6 +172,16 @@ def test_the_form_submits_a_study(page: Chrome, service: Service) -> None:
     assert "queued" in page.find_element(By.TAG_NAME, "main").text
     service.work()
     WebDriverWait(page, 10).until(lambda p: p.find_element(By.ID, "state").text == "done")
+
+
+def test_a_job_is_cancelled_from_its_page(service: Service, page: Chrome) -> None:
+    job = service.post("jobs", scene="cornell-box", frames=1)
+    page.get(f"{service.client.base_url}/jobs/{job['id']}")
+    page.find_element(By.CSS_SELECTOR, "[data-cancel]").click()
+    patient = WebDriverWait(page, 10, ignored_exceptions=[StaleElementReferenceException])
+    patient.until(lambda p: p.find_element(By.ID, "state").text == "cancelled")
+    assert service.get(f"jobs/{job['id']}")["state"] == "cancelled"
+    patient.until(lambda p: p.find_elements(By.CSS_SELECTOR, "[data-cancel]") == [])
 
 
 def _add_hostile_scene(service: Service) -> None:

@@ -1,4 +1,4 @@
-// Follows a study's or a job's events until it ends, then loads the page once more for its final form.
+// Follows a study's or a job's events until it ends, then loads the page once more for its final form; cancels it.
 const AGAIN_MS = 3000;
 const title = document.querySelector("[data-events]");
 const isJob = "job" in title.dataset;
@@ -61,6 +61,15 @@ function listen() {
     if (source.readyState === EventSource.CLOSED) setTimeout(listen, AGAIN_MS);
   });
 }
+
+document.querySelector("[data-cancel]")?.addEventListener("click", async ({ target }) => {
+  target.disabled = true;
+  const answer = await fetch(target.dataset.cancel, { method: "POST", headers: { "Content-Type": "application/json" } });
+  if (answer.ok) return location.reload();
+  const problem = document.getElementById("problem");
+  problem.textContent = (await answer.json()).detail;
+  problem.hidden = false;
+});
 
 if ("open" in title.dataset) {
   document.addEventListener("visibilitychange", listen);
