@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 
 from sqlalchemy import select
 
@@ -13,11 +15,13 @@ from server.devices import registry
 from server.queue import dispatch, lives
 from server.queue.durable import Durable
 from server.store.database import Database
-from server.store.models import Device
+from server.store.models import Device, now
 
 log = logging.getLogger("rayfarm.care")
 
 CARE_S = 2.0
+TIDY_S = 3600.0
+KEPT = timedelta(days=7)
 
 
 def look_after(database: Database, durable: Durable, lease_s: float) -> None:
@@ -36,15 +40,27 @@ def _miss_hosts(database: Database, lease_s: float) -> None:
             registry.host_gone(session, host)
 
 
+def tidy(database: Database, durable: Durable) -> None:
+    """Forget finished workflows and handed-on workers once they are older than anybody asks; jobs stay."""
+    past = now() - KEPT
+    lives.forget_before(database, past)
+    while durable.forget_before(past):
+        pass
+
+
 @contextmanager
 def caring(database: Database, durable: Durable, lease_s: float) -> Iterator[None]:
-    """Look after the farm in a thread, to the end of the block."""
+    """Look after the farm in a thread, to the end of the block, and tidy up now and then."""
     ended = threading.Event()
 
     def run() -> None:
+        tidied = 0.0
         while not ended.wait(min(CARE_S, lease_s / 10)):
             try:
                 look_after(database, durable, lease_s)
+                if not tidied or time.monotonic() - tidied > TIDY_S:
+                    tidy(database, durable)
+                    tidied = time.monotonic()
             except Exception:
                 log.exception("looking after the farm failed; it is tried again")
 

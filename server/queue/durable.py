@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Sequence
+from datetime import datetime
 from typing import Any
 
 from dbos import DBOS, DBOSClient, EnqueueOptions
@@ -74,6 +75,19 @@ class Durable:
         """The unfinished workflows that a worker took, as (id, queue)."""
         found = self._client.list_workflows(status="PENDING", executor_id=worker, load_input=False, load_output=False)
         return [(status.workflow_id, status.queue_name) for status in found]
+
+    def forget_before(self, time: datetime, most: int = 1000) -> int:
+        """Delete the records of at most `most` workflows that were over before a time; return how many."""
+        over = self._client.list_workflows(
+            status=["SUCCESS", "ERROR", "CANCELLED"],
+            completed_before=time.isoformat(),
+            limit=most,
+            load_input=False,
+            load_output=False,
+        )
+        if over:
+            self._client.delete_workflows([status.workflow_id for status in over])
+        return len(over)
 
     def close(self) -> None:
         """Close all connections."""

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import os
 import socket
-from datetime import timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, cast
 
-from sqlalchemy import CursorResult, or_, select, update
+from sqlalchemy import CursorResult, delete, or_, select, update
 
 from server.queue.durable import Durable
 from server.queue.ledger import lose
@@ -79,6 +79,12 @@ def reap(database: Database, durable: Durable, worker: str, reason: str) -> bool
     with database.writing() as session:
         session.execute(update(Worker).where(Worker.id == worker).values(handed_on_at=now()))
     return True
+
+
+def forget_before(database: Database, time: datetime) -> None:
+    """Delete workers whose work was handed on before a time."""
+    with database.writing() as session:
+        session.execute(delete(Worker).where(Worker.handed_on_at < time))
 
 
 def is_dead_here(worker: str) -> bool:

@@ -22,6 +22,8 @@ from server.store.errors import DatabaseError
 BUSY_S = 30.0
 """How long a statement waits for SQLite's write lock, and a migration for PostgreSQL's locks."""
 CONNECT_S = 10
+IDLE_S = 20.0
+"""How long PostgreSQL lets a transaction do nothing before it ends the session."""
 FORMS = "write sqlite:///FILE or postgresql://USER:PASSWORD@HOST/NAME"
 
 
@@ -81,6 +83,8 @@ class _TextDumper(StrDumper):
 def _prepare_postgresql(connection: psycopg.Connection[Any], _record: Any) -> None:
     connection.adapters.register_dumper(str, _TextDumper)
     connection.execute("SET TIME ZONE 'UTC'")
+    # A process that is stopped inside a transaction must not keep its locks: the others take its work over.
+    connection.execute(f"SET idle_in_transaction_session_timeout = '{IDLE_S:.0f}s'")
     connection.commit()
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +21,10 @@ from renderer.host import DeviceGoneError
 from renderer.request import Request
 from server.cli_service import GIVEN_UP
 from server.devices.registry import PHONE
-from server.queue import dispatch, ledger, lives
+from server.queue import care, dispatch, ledger, lives
 from server.queue.dispatch import put_slices
 from server.queue.ledger import Claim
-from server.store.models import Device, Slice
+from server.store.models import Device, Slice, Worker, now
 
 WORKER = Path(__file__).with_name("worker_process.py")
 
@@ -270,6 +271,26 @@ def test_a_device_that_nobody_knows_is_refused(service: Service) -> None:
     assert answer.status_code == 422
     assert answer.json()["detail"].startswith("There is no device 'nokia': choose one of llvmpipe")
     assert service.get("jobs")["jobs"] == []
+
+
+def test_what_is_over_is_forgotten_by_the_queue_but_not_by_the_store(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done = service.post("jobs", scene="cornell-box", frames=2, rounds=2)
+    service.work()
+    queued = service.post("jobs", scene="cornell-box", frames=1)
+    past, future = now() - timedelta(hours=1), now() + timedelta(hours=1)
+    assert service.durable.forget_before(past) == 0
+    assert service.durable.forget_before(future, most=1) == 1
+    assert service.durable.forget_before(future) == 1
+    assert service.durable.forget_before(future) == 0
+    monkeypatch.setattr(care, "KEPT", -timedelta(hours=1))
+    care.tidy(service.database, service.durable)
+    with service.database.reading() as session:
+        assert session.scalars(select(Worker)).all() == []
+    assert service.get(f"jobs/{done['id']}")["state"] == "done"
+    service.work()
+    assert service.get(f"jobs/{queued['id']}")["state"] == "done"
 
 
 def take(service: Service, worker: str) -> Claim | None:
