@@ -14,7 +14,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from typing import Any
 
-from renderer.build.api import BuildError
+from renderer.build.errors import BuildError
 from renderer.host import DeviceGoneError
 from renderer.pack.nodes import PackError
 from renderer.plan import PlanError

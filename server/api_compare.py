@@ -9,6 +9,7 @@ from fastapi.responses import JSONResponse, Response
 
 from server.api import database_of
 from server.compare import Cell, CompareError, Comparison
+from server.flat import to_csv
 from server.metrics import Figure
 from server.selection import Selection, load_comparison, read_selection
 
@@ -19,7 +20,8 @@ router = APIRouter(prefix="/api/v1")
 def read_comparison(request: Request) -> Response:
     """Filters: scene, device, study and every axis, each with one or more values. `metric`, `rows`, `cols`, `sort`.
 
-    `format=csv` gives one line a result, `_` between levels; with `shape=table` the metric's table.
+    `format=csv` gives one line a result, `_` between levels; with `shape=table` the metric's table. A text that a
+    spreadsheet would take for a formula has an apostrophe in front.
     """
     params = request.query_params
     form = _choice("format", params.get("format") or "json", ("json", "csv"))
@@ -28,7 +30,7 @@ def read_comparison(request: Request) -> Response:
     table = load_comparison(database_of(request), selection)
     if form == "json":
         return JSONResponse(comparison_view(table, selection))
-    text = table.pivot().to_csv() if shape == "table" else table.frame().to_csv(index=False)
+    text = to_csv(table.pivot(), index=True) if shape == "table" else to_csv(table.frame(), index=False)
     return Response(text, media_type="text/csv; charset=utf-8")
 
 

@@ -11,7 +11,7 @@ from renderer.build.tree import SahCosts
 from renderer.request import Check, Request, parse_size
 from renderer.variant import Variant
 from scenes.scene import Camera
-from server.store.models import LLVMPIPE, NORMAL_PRIORITY
+from server.store.defaults import LLVMPIPE, NORMAL_PRIORITY
 from server.studies import STUDIES, Study, StudyError, require_study, with_changes
 
 Coordinate = Annotated[float, Field(allow_inf_nan=False, ge=-1e9, le=1e9)]

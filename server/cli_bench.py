@@ -5,38 +5,22 @@ from __future__ import annotations
 import json
 import sys
 from functools import partial
-from typing import Annotated, cast
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from renderer.bench import Result, RunSlice, run_jobs, run_slice
-from renderer.child import ChildError
-from renderer.request import Check, Request, parse_size
-from renderer.variant import Variant
+from renderer.variant import AXES
 from server import cli_heatmap
-from server.cli_bench_table import print_results
-from server.cli_common import make_console
-from server.cli_plan import (
-    SOME_FAILED,
-    CameraOption,
-    Here,
-    OptionError,
-    SahOption,
-    SceneArgument,
-    SizeOption,
-    Words,
-    plan_here,
-    print_refused,
-    read_camera,
-    read_costs,
-    read_switch,
-    slow_warning,
-)
-from server.devices.agent_host import AgentHost
-from server.devices.phone_slice import run_phone_slice
-from server.studies import Study
+from server.cli_common import SOME_FAILED, make_console
+from server.cli_options import CameraOption, OptionError, SahOption, SceneArgument, SizeOption, Words
+
+if TYPE_CHECKING:
+    from renderer.bench import Result, RunSlice
+    from renderer.child import ChildError
+    from renderer.request import Check, Request
+    from server.cli_plan import Here
 
 ROUNDS = 3
 
@@ -95,15 +79,19 @@ def bench(
     a frame. The exit code is 1 when a variant failed and 2 for bad input.
     """
     given = locals()
+    from renderer.request import parse_size
+    from server.cli_plan import plan_here, print_refused, read_camera, read_costs, read_switch
+    from server.studies import Study
+
     study = Study(
         scenes=(scene,),
-        axes={axis: given[axis] for axis in Variant().as_dict()},
+        axes={axis: given[axis] for axis in AXES},
         size=parse_size(size),
         frames=frames,
         rounds=_rounds(rounds, frames),
         rays=rays,
         costs=read_costs(sah),
-        check=cast(Check, check),
+        check=cast("Check", check),
         vs_embree=vs_embree,
         specialise=read_switch("specialise", specialise),
     )
@@ -112,8 +100,8 @@ def bench(
     print_refused(here, as_json)
     _warn_slow(here, as_json)
     results = _run(here, run, quiet=as_json)
-    _print_results(here, [result for result in results if not isinstance(result, ChildError)], as_json)
-    failures = [(r, e) for r, e in zip(here.requests, results, strict=True) if isinstance(e, ChildError)]
+    _print_results(here, [result for result in results if isinstance(result, dict)], as_json)
+    failures = [(r, e) for r, e in zip(here.requests, results, strict=True) if not isinstance(e, dict)]
     for request, error in failures:
         _print_failure(request, error, as_json)
     if failures:
@@ -130,6 +118,8 @@ def _rounds(rounds: int | None, frames: int) -> int:
 
 def _warn_slow(here: Here, as_json: bool) -> None:
     """Tell how long brute force will take where it was asked for by name."""
+    from server.cli_plan import slow_warning
+
     request = here.requests[0]
     # Warm-up frames of every round, and the instrumented frames beside them.
     untimed = request.rounds * (2 if request.vs_embree else 1) + 1
@@ -141,12 +131,19 @@ def _warn_slow(here: Here, as_json: bool) -> None:
 def _slices_on(device: str | None, via: str) -> RunSlice:
     """What measures a slice: the twin here, or a phone; raise PlanError before any work for one that cannot be."""
     if device is None:
+        from renderer.bench import run_slice
+
         return run_slice
+    from server.devices.agent_host import AgentHost
+    from server.devices.phone_slice import run_phone_slice
+
     AgentHost(device, via)
     return partial(run_phone_slice, device, via)
 
 
 def _run(here: Here, run: RunSlice, *, quiet: bool) -> list[Result | ChildError]:
+    from renderer.bench import run_jobs
+
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("slices"))
     with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True, quiet=quiet)) as progress:
         total = sum(request.rounds for request in here.requests)
@@ -167,6 +164,8 @@ def _print_results(here: Here, results: list[Result], as_json: bool) -> None:
         for result in results:
             print(json.dumps(result, ensure_ascii=False))
     elif results:
+        from server.cli_bench_table import print_results
+
         print_results(here.scene, results, make_console())
 
 

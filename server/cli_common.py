@@ -7,20 +7,22 @@ import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import urlsplit
 
-import httpx
 import typer
 from rich.console import Console
 
-from server.settings import settings
+if TYPE_CHECKING:
+    import httpx
 
 TIMEOUT_S = 60.0
 PAUSES_S = (0.5, 1.0, 2.0, 4.0)
 """Between the tries of a submission whose connection is lost."""
 PLAIN_WIDTH = 160
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
+SOME_FAILED = 1
+"""The exit code when some of what was asked for has no result."""
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 ServerOption = Annotated[str | None, typer.Option(help="The service's address (RAYFARM_SERVER).", show_default=False)]
@@ -47,7 +49,9 @@ class Client:
 
     def __init__(self, address: str | None = None) -> None:
         """Speak to `address`, by default the one in RAYFARM_SERVER."""
-        self.address = (address or settings().server).rstrip("/")
+        import httpx
+
+        self.address = (address or _usual_address()).rstrip("/")
         if urlsplit(self.address).scheme not in ("http", "https"):
             raise ClientError(f"{self.address!r} is no address: write it as http://127.0.0.1:8710.")
         remote = urlsplit(self.address).hostname not in LOOPBACK
@@ -102,6 +106,8 @@ class Client:
         self.close()
 
     def _ask(self, method: str, path: str, pauses: tuple[float, ...] = (), **values: Any) -> httpx.Response:
+        import httpx
+
         try:
             answer = self._send(method, path, pauses, **values)
         except httpx.TransportError as error:
@@ -112,6 +118,8 @@ class Client:
 
     def _send(self, method: str, path: str, pauses: tuple[float, ...], **values: Any) -> httpx.Response:
         """Send, and again after each of the pauses while the connection is lost; not where nobody listens at first."""
+        import httpx
+
         for number, pause_s in enumerate(pauses):
             try:
                 return self._http.request(method, f"/api/v1/{path}", **values)
@@ -120,6 +128,12 @@ class Client:
                     raise
                 time.sleep(pause_s)
         return self._http.request(method, f"/api/v1/{path}", **values)
+
+
+def _usual_address() -> str:
+    from server.settings import settings
+
+    return settings().server
 
 
 def _detail(answer: httpx.Response) -> str:

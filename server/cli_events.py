@@ -8,8 +8,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-import httpx
-
 from server.cli_common import Client
 
 RETRY_S = 1.0
@@ -39,6 +37,8 @@ def follow_events(client: Client, path: str) -> Iterator[Json]:
 
     Raise ClientError when the service refuses, or was away for `PATIENCE_S` seconds.
     """
+    import httpx
+
     last: str | None = None
     lost_at: float | None = None
     while True:

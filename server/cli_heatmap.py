@@ -10,26 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
-from renderer.request import Request, parse_size
-from server.cli_common import JsonFlag, print_json
-from server.cli_plan import (
-    SOME_FAILED,
-    CameraOption,
-    Here,
-    OptionError,
-    SahOption,
-    SceneArgument,
-    SizeOption,
-    Words,
-    plan_here,
-    print_refused,
-    read_camera,
-    read_costs,
-)
-from server.studies import Study
+from server.cli_common import SOME_FAILED, JsonFlag, print_json
+from server.cli_options import CameraOption, OptionError, SahOption, SceneArgument, SizeOption, Words
 
 if TYPE_CHECKING:
     from renderer.heatmap import Counts
+    from renderer.request import Request
+    from server.cli_plan import Here
 
 Json = dict[str, Any]
 
@@ -67,6 +54,9 @@ def heatmap(
 ) -> None:
     """Draw how many nodes every pixel's rays fetch, several variants side by side on one scale."""
     from renderer.heatmap import require_metric
+    from renderer.request import parse_size
+    from server.cli_plan import plan_here, print_refused, read_camera, read_costs
+    from server.studies import Study
 
     require_metric(metric)
     axes = {"traversal": traversal, "method": method, "layout": layout, "box": box, "builder": builder}

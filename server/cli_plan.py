@@ -1,4 +1,4 @@
-"""What `bench` and `heatmap` share: their options, and the way from them to requests, checked before anything runs."""
+"""The way of `bench` and `heatmap` from their options to requests, checked before anything runs."""
 
 from __future__ import annotations
 
@@ -6,9 +6,6 @@ import json
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated
-
-import typer
 
 from renderer.build.tree import SahCosts
 from renderer.request import Request
@@ -16,32 +13,14 @@ from renderer.variant import Variant
 from renderer.view import view_of
 from scenes.load import load
 from scenes.scene import Camera, Point, Scene
+from server.cli_options import OptionError
 from server.studies import BRUTE_FORCE_LIMIT, Planned, Study, plan_study
-
-SOME_FAILED = 1
 
 TEST_S = 25e-9
 """About the seconds of one ray-triangle test of brute force on one core of llvmpipe."""
 
 FARTHEST = 1e9
 """The largest coordinate of a camera, as the API has it."""
-
-SceneArgument = Annotated[str, typer.Argument(help="A scene of the catalogue, or any mesh file.")]
-Words = Annotated[str, typer.Option(help="A value, a comma list, paper or all.", metavar="WORDS")]
-SizeOption = Annotated[str, typer.Option(help="The image in pixels, as 512 or 640x480.", metavar="W[xH]")]
-SahOption = Annotated[str, typer.Option(help="The SAH's costs of a traversal step and a test.", metavar="CT,CI")]
-CameraOption = Annotated[
-    tuple[str, str, str] | None,
-    typer.Option(
-        help='In place of the scene\'s own: "x,y,z" "x,y,z" and the vertical field of view in degrees.',
-        metavar="EYE TARGET FOV",
-        show_default=False,
-    ),
-]
-
-
-class OptionError(ValueError):
-    """An option that is not understood; the message is one sentence that says how to write it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,6 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from scenes.catalogue import list_scenes
 from server.cli_common import JsonFlag, make_console, print_json
 
 verbs = typer.Typer(help="List the scenes, or fetch one.", invoke_without_command=True, rich_markup_mode=None)
@@ -47,6 +46,8 @@ def fetch(
 
 
 def _show_list(as_json: bool) -> None:
+    from scenes.catalogue import list_scenes
+
     scenes = list_scenes()
     if as_json:
         print_json(scenes)

@@ -10,7 +10,6 @@ import typer
 
 from renderer.process import end_with_parent
 from server.cli_common import JsonFlag, ParentOption, print_json
-from server.settings import settings
 
 LOOK_S = 0.5
 GIVEN_UP = 75
@@ -32,6 +31,7 @@ def serve(
     """Serve the API and the pages, with a worker beside them, until told to end."""
     from server.processes import signalled
     from server.service import address, listen, running
+    from server.settings import settings
 
     chosen = settings()
     sock = listen(chosen.host if host is None else host, chosen.port if port is None else port)
@@ -51,6 +51,7 @@ def worker(
 ) -> None:
     """Measure what is queued, one slice at a time on each of this machine's devices, until told to end."""
     from server.processes import signalled
+    from server.settings import settings
     from server.working import working
 
     logging.basicConfig(level=logging.WARNING if quiet else logging.INFO, format="%(message)s")

@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from renderer.bench import run_jobs
-from renderer.child import ChildError
-from renderer.request import Request, parse_size
-from server.api_compare import comparison_view
-from server.cli_common import Client, ClientError, JsonFlag, make_console
-from server.cli_submit import SOME_FAILED, show_study
+from server.cli_common import SOME_FAILED, Client, ClientError, JsonFlag, make_console
+from server.cli_submit import show_study
 from server.cli_table import print_comparison
-from server.compare import compare
-from server.flat import Stored
-from server.scene_list import is_here, require_scene
-from server.selection import Selection
-from server.store.models import now
-from server.studies import Planned, plan_study, require_study, with_changes
+
+if TYPE_CHECKING:
+    from renderer.child import ChildError
+    from renderer.request import Request
+    from server.studies import Planned
 
 Json = dict[str, Any]
 
@@ -52,17 +47,27 @@ def study(
             raise typer.Exit(show_study(client, client.submit("studies", body), as_json))
     if device is not None:
         raise ClientError("--device is for studies on a service: add --server.")
-    changes = {"size": parse_size(size) if size else None, "frames": frames, "rounds": rounds}
-    planned = plan_study(with_changes(require_study(name), **changes), require_scene, is_here)
+    planned = _plan_here(name, size, frames=frames, rounds=rounds)
     results = _run_here(planned, Console(stderr=True))
-    documents = [result for result in results if not isinstance(result, ChildError)]
+    documents = [result for result in results if isinstance(result, dict)]
     if output is not None:
         output.write_text("".join(json.dumps(document) + "\n" for document in documents), encoding="utf-8")
     _report(documents, as_json)
     _tell_failures(planned, results)
 
 
+def _plan_here(name: str, size: str | None, **changes: int | None) -> Planned:
+    from renderer.request import parse_size
+    from server.scene_list import is_here, require_scene
+    from server.studies import plan_study, require_study, with_changes
+
+    pixels = parse_size(size) if size else None
+    return plan_study(with_changes(require_study(name), size=pixels, **changes), require_scene, is_here)
+
+
 def _run_here(planned: Planned, console: Console) -> list[Json | ChildError]:
+    from renderer.bench import run_jobs
+
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("slices"))
     with Progress(*columns, TimeElapsedColumn(), console=console) as progress:
         task = progress.add_task("", total=sum(request.rounds for request in planned.requests))
@@ -80,12 +85,18 @@ def _report(documents: list[Json], as_json: bool) -> None:
         for document in documents:
             print(json.dumps(document))
         return
+    from server.api_compare import comparison_view
+    from server.compare import compare
+    from server.flat import Stored
+    from server.selection import Selection
+    from server.store.models import now
+
     stored = [Stored(index + 1, None, now().isoformat(), document) for index, document in enumerate(documents)]
     print_comparison(comparison_view(compare(stored[::-1], Selection().metric), Selection()), make_console())
 
 
 def _tell_failures(planned: Planned, results: list[Json | ChildError]) -> None:
-    failed = [(r, e) for r, e in zip(planned.requests, results, strict=True) if isinstance(e, ChildError)]
+    failed = [(r, e) for r, e in zip(planned.requests, results, strict=True) if not isinstance(e, dict)]
     for request, error in failed:
         typer.echo(f"{request.scene}, {request.variant.label}: {error}", err=True)
     if failed:

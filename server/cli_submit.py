@@ -7,11 +7,9 @@ from typing import Annotated, Any
 import typer
 
 from renderer.variant import AXES
-from server.cli_common import Client, ClientError, JsonFlag, ServerOption, make_console, print_json
+from server.cli_common import SOME_FAILED, Client, ClientError, JsonFlag, ServerOption, make_console, print_json
 from server.cli_follow import follow_study
 from server.cli_table import print_comparison
-
-SOME_FAILED = 1
 
 Words = Annotated[str | None, typer.Option(help="A value, a comma list, paper or all.", show_default=False)]
 

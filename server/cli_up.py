@@ -10,7 +10,6 @@ import typer
 
 from server.cli_common import Client, JsonFlag
 from server.cli_submit import show_study
-from server.settings import settings
 
 
 def register(app: typer.Typer) -> None:
@@ -27,6 +26,7 @@ def up(
     """Start the service, submit the demo study over HTTP, show its table, and keep serving."""
     from server.processes import signalled
     from server.service import address, listen, running
+    from server.settings import settings
 
     chosen = settings()
     sock = listen(chosen.host, chosen.port if port is None else port)

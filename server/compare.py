@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from renderer.variant import AXES, TRAVERSALS
 from server.flat import Stored, flatten, to_frame
 from server.metrics import METRICS, Figure, Metric, read_figure
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 DIMENSIONS = (*AXES, "scene", "family", "device", "size", "rays", "study")
 """What may stand on the rows and the columns."""
@@ -68,6 +69,8 @@ class Comparison:
 
     def pivot(self) -> pd.DataFrame:
         """The metric's values as a table of rows by columns."""
+        import pandas as pd
+
         values = [[cell and cell.figures[self.metric.key].value for cell in line] for line in self.cells]
         index = pd.Index([label(key) for key in self.row_keys], name="_".join(self.rows))
         return pd.DataFrame(values, index=index, columns=[label(key) for key in self.column_keys])

@@ -11,7 +11,8 @@ from sqlalchemy.orm import Session
 
 from server.devices import registry
 from server.problems import Problem
-from server.store.models import LLVMPIPE, Device, Job, Slice, Worker
+from server.store.defaults import LLVMPIPE
+from server.store.models import Device, Job, Slice, Worker
 from server.store.states import HELD, OPEN
 
 Json = dict[str, Any]

@@ -9,7 +9,7 @@ from typing import Any
 from renderer.build.tree import SahCosts
 from renderer.request import Check, Request
 from renderer.variant import AXES, Variant, expand, matrix
-from server.store.models import LLVMPIPE
+from server.store.defaults import LLVMPIPE
 
 MAX_SLICES = 20_000
 BRUTE_FORCE_LIMIT = 1e9

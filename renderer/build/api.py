@@ -10,15 +10,12 @@ import numpy as np
 
 from renderer.build.bvh import BvhMethod, build_bvh
 from renderer.build.cache import Kind, cached
+from renderer.build.errors import BuildError as BuildError
 from renderer.build.kd import build_kd
 from renderer.build.pad import padded
 from renderer.build.tree import Floats, SahCosts, Tree
 
 Builder = BvhMethod
-
-
-class BuildError(ValueError):
-    """A structure that cannot be built; the message is one sentence that says what to do."""
 
 
 def build(

@@ -22,7 +22,8 @@ from server.dashboard.templates import FOLDER, TEMPLATES
 from server.devices.registry import PAIRING, ready
 from server.scene_list import list_scenes
 from server.selection import known_values, load_comparison, read_selection
-from server.store.models import LLVMPIPE, Device, Job, Study
+from server.store.defaults import LLVMPIPE
+from server.store.models import Device, Job, Study
 from server.store.states import OPEN
 from server.studies import STUDIES
 from server.views import find_job, find_study, job_line, job_view, study_view

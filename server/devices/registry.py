@@ -12,7 +12,8 @@ from sqlalchemy import ColumnElement, and_, delete, or_, select
 from sqlalchemy.orm import Session
 
 from server.devices.words import plain
-from server.store.models import LLVMPIPE, Device, Job, Json, Worker, now
+from server.store.defaults import LLVMPIPE
+from server.store.models import Device, Job, Json, Worker, now
 from server.store.states import OPEN
 
 TWIN, PHONE, PAIRING = "twin", "phone", "pairing"
