@@ -10,7 +10,8 @@ from sqlalchemy.orm import Session
 from server.devices.registry import PAIRING, DeviceError, find, is_ready, ready
 from server.queue.durable import POOL, Durable, host_queue
 from server.store.database import Database
-from server.store.models import LLVMPIPE, Device, Job, Slice
+from server.store.defaults import LLVMPIPE
+from server.store.models import Device, Job, Slice
 from server.store.records import Order, add_jobs, change_state
 from server.store.states import HELD, OPEN
 
@@ -45,9 +46,15 @@ def put_slices(session: Session, durable: Durable, slices: Sequence[Slice], dela
 def park(session: Session, part: Slice) -> str | None:
     """Let a slice that nobody holds wait for its device; return the workflow to cancel once that is committed."""
     workflow, part.state, part.workflow, part.queue, part.worker = part.workflow, "waiting", None, None, None
-    if not any(other.state in HELD for other in part.job.slices):
-        change_state(session, part.job, "waiting", f"{part.job.device} is not ready.")
+    show_if_waiting(session, part.job)
     return workflow
+
+
+def show_if_waiting(session: Session, job: Job) -> None:
+    """Show a job as waiting for its device once one of its slices does and nobody holds another."""
+    states, reason = {part.state for part in job.slices}, f"{job.device} is not ready."
+    if "waiting" in states and states.isdisjoint(HELD) and job.reason != reason:
+        change_state(session, job, "waiting", reason)
 
 
 def settle(database: Database, durable: Durable) -> int:

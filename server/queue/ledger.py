@@ -14,7 +14,7 @@ from typing import Any, cast
 from sqlalchemy import CursorResult, select, update
 from sqlalchemy.orm import Session
 
-from server.queue.dispatch import put_slices
+from server.queue.dispatch import put_slices, show_if_waiting
 from server.queue.durable import Durable
 from server.store.database import Database
 from server.store.models import Job, Json, Slice, now
@@ -81,11 +81,15 @@ def record(database: Database, held: Claim, measurement: Json, combine: Combine)
         job = session.get_one(Job, held.job_id, with_for_update=True)
         if not _update_held(session, held, state="done", measurement=measurement, worker=None):
             return False
-        if job.state in OPEN and all(part.state == "done" for part in job.slices):
+        if job.state not in OPEN:
+            return True
+        if all(part.state == "done" for part in job.slices):
             parts = session.scalars(select(Slice.measurement).where(Slice.job_id == job.id).order_by(Slice.round))
             add_result(session, job, combine([cast(Json, part) for part in parts]))
             job.finished_at = now()
             change_state(session, job, "done")
+        else:
+            show_if_waiting(session, job)
         return True
 
 

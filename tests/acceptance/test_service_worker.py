@@ -266,6 +266,28 @@ def test_a_device_that_goes_away_gets_its_slice_again(service: Service, monkeypa
     assert "The phone went away while the plan was pushed. Attempt 2 follows." in reasons
 
 
+def test_a_device_that_goes_away_between_rounds_lets_its_job_wait(service: Service) -> None:
+    with service.database.writing() as session:
+        session.add(Device(id="phone-1", kind=PHONE, host=HOST, presence="online", health={"passed": True}))
+    job = service.post("jobs", scene="cornell-box", device="phone-1", frames=3, rounds=3)
+
+    async def run_slice(held: Claim, say: AsyncSay) -> dict[str, Any]:
+        measured = await service.bench.run_slice(held, say)
+        if held.round == 0:
+            _set_device(service, presence="offline")
+            dispatch.settle(service.database, service.durable)
+            assert service.get(f"jobs/{job['id']}")["state"] == "judging"
+        return measured
+
+    with service.working(run_slice):
+        wait_for(lambda: service.get(f"jobs/{job['id']}")["reason"] == "phone-1 is not ready.")
+        _set_device(service, presence="online")
+        wait_for(lambda: service.get(f"jobs/{job['id']}")["state"] == "done")
+    states = [change["state"] for change in service.get(f"jobs/{job['id']}")["changes"]]
+    measured = ["preparing", "running", "judging"]
+    assert states == ["queued", *measured, "waiting", "queued", *measured, *measured, "done"]
+
+
 def test_a_device_that_nobody_knows_is_refused(service: Service) -> None:
     answer = service.client.post("/api/v1/jobs", json={"scene": "cornell-box", "device": "nokia"})
     assert answer.status_code == 422
