@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from renderer.variant import AXES
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 COLUMNS = (
     *("job", "study", "recorded_at", "scene", "family", "triangles"),
@@ -22,11 +23,16 @@ COLUMNS = (
     *("overflows", "error_false_hit", "error_false_miss", "error_edge", "error_wrong_primitive"),
     *("error_t_rel_p99", "error_t_rel_max", "error_t_ulp_max", "error_shadow_mismatch", "error_flip"),
     *("vs_embree_mrays_per_cpu_s", "vs_embree_ratio"),
+    *("profile_sp_memory_read", "profile_sp_memory_read_per_s", "profile_shader_alu_capacity_utilized"),
+    *("profile_time_alus_working", "profile_alu_per_fragment", "profile_imported"),
     *("versions_rayfarm", "versions_shader_sha", "versions_plan", "started_at"),
 )
 """The columns that every table has, in their order; further fields of a document follow them."""
 
-OBJECTS = ("device", "sah", "frame_ms", "rays", "per_ray", "error", "vs_embree", "versions")
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""What a text begins with that a spreadsheet takes for a formula (OWASP, CSV Injection)."""
+
+OBJECTS = ("device", "sah", "frame_ms", "rays", "per_ray", "error", "vs_embree", "profile", "versions")
 
 
 @dataclass(frozen=True)
@@ -41,16 +47,40 @@ class Stored:
 
 def flatten(stored: Stored) -> dict[str, Any]:
     """One result as a flat row; `size` becomes `WxH`, lists become JSON text."""
-    row: dict[str, Any] = {"job": stored.job, "study": stored.study, "recorded_at": stored.recorded_at}
-    _flatten_into(row, "", {key: value for key, value in stored.document.items() if key != "size"})
-    row["size"] = "x".join(str(side) for side in stored.document.get("size") or ())
+    known = {"job": stored.job, "study": stored.study, "recorded_at": stored.recorded_at}
+    return known | flatten_document(stored.document)
+
+
+def flatten_document(document: dict[str, Any]) -> dict[str, Any]:
+    """A result's document alone as a flat row."""
+    row: dict[str, Any] = {}
+    _flatten_into(row, "", {key: value for key, value in document.items() if key != "size"})
+    row["size"] = "x".join(str(side) for side in document.get("size") or ())
     return row
 
 
 def to_frame(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     """Flat rows as a table with all of COLUMNS, what was not measured empty."""
+    import pandas as pd
+
     extra = dict.fromkeys(key for row in rows for key in row if key not in COLUMNS)
     return pd.DataFrame.from_records(list(rows), columns=[*COLUMNS, *extra])
+
+
+def to_csv(table: pd.DataFrame, *, index: bool) -> str:
+    """A table as CSV that is inert in a spreadsheet: texts that would be formulas get an apostrophe in front.
+
+    Phones name themselves, so any text may be one.
+    """
+    from pandas.api.types import is_numeric_dtype
+
+    guarded: pd.DataFrame = table.apply(lambda column: column if is_numeric_dtype(column) else column.map(_guarded))
+    guarded.columns, guarded.index = table.columns.map(_guarded), table.index.map(_guarded)
+    return guarded.to_csv(index=index)
+
+
+def _guarded(value: Any) -> Any:
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
 
 
 def _flatten_into(row: dict[str, Any], prefix: str, value: dict[str, Any]) -> None:

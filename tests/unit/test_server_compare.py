@@ -9,7 +9,7 @@ import pytest
 
 from server.compare import CompareError, compare, read_dimensions
 from server.dashboard.cells import view_cells
-from server.flat import COLUMNS, Stored, flatten, to_frame
+from server.flat import COLUMNS, Stored, flatten, to_csv, to_frame
 from server.metrics import METRICS
 
 SPEED = METRICS["mrays_per_s"]
@@ -95,6 +95,15 @@ def test_a_flat_row_keeps_every_level_and_nulls_objects() -> None:
     frame = to_frame([row])
     assert list(frame.columns[: len(COLUMNS)]) == list(COLUMNS)
     assert frame["vs_embree_ratio"].isna().all()
+
+
+@pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1"])
+def test_csv_holds_no_formula(name: str) -> None:
+    table = compare([stored(1, name, "a", -1.5, device={"name": name})], SPEED)
+    text = to_csv(table.frame(), index=False)
+    assert f"'{name}" in text
+    assert ",-1.5," in text
+    assert f"'{name}" in to_csv(table.pivot(), index=True)
 
 
 @pytest.mark.parametrize("text", ["colour", "traversal,colour", "", " , "])
