@@ -9,7 +9,7 @@ from fastapi import FastAPI, Request
 from fastapi.responses import Response
 from sqlalchemy.exc import SQLAlchemyError
 
-from server import api, api_compare, api_devices, api_events, problems
+from server import api, api_compare, api_devices, api_difference, api_events, api_profiles, problems
 from server.dashboard import pages
 from server.feed import Feed
 from server.guard import Guard
@@ -17,6 +17,7 @@ from server.problems import Problem
 from server.queue.care import caring
 from server.queue.durable import Durable
 from server.settings import Settings
+from server.store.blobs import Blobs
 from server.store.database import Database
 
 
@@ -39,9 +40,12 @@ def create_app(settings: Settings) -> FastAPI:
     app = FastAPI(title="RayFarm", lifespan=lifespan, openapi_url="/api/v1/openapi.json", docs_url=None, redoc_url=None)
     app.include_router(api.router)
     app.include_router(api_compare.router)
+    app.include_router(api_difference.router)
     app.include_router(api_events.router)
     app.include_router(api_devices.router)
+    app.include_router(api_profiles.router)
     app.state.lease_s = settings.lease_s
+    app.state.blobs, app.state.profile_mb = Blobs(settings.blobs), settings.profile_mb
     pages.install(app)
     problems.install(app)
     app.add_middleware(Guard, allowed_hosts=settings.allowed_hosts)

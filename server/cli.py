@@ -8,7 +8,17 @@ from collections.abc import Sequence
 import typer
 from typer.exceptions import TyperException
 
-from server import cli_bench, cli_compare, cli_devices, cli_scenes, cli_service, cli_study, cli_submit, cli_up
+from server import (
+    cli_bench,
+    cli_compare,
+    cli_devices,
+    cli_profile,
+    cli_scenes,
+    cli_service,
+    cli_study,
+    cli_submit,
+    cli_up,
+)
 from server.spoken import spoken
 
 BAD_INPUT = 2
@@ -21,7 +31,7 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
 )
-for verbs in (cli_bench, cli_study, cli_service, cli_submit, cli_compare, cli_devices, cli_scenes, cli_up):
+for verbs in (cli_bench, cli_study, cli_service, cli_submit, cli_compare, cli_devices, cli_scenes, cli_profile, cli_up):
     verbs.register(app)
 
 

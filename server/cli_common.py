@@ -7,6 +7,7 @@ import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import urlsplit
 
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     import httpx
 
 TIMEOUT_S = 60.0
+UPLOAD_S = 900.0
+"""How long a service may take to read a file after it was sent."""
 PAUSES_S = (0.5, 1.0, 2.0, 4.0)
 """Between the tries of a submission whose connection is lost."""
 PLAIN_WIDTH = 160
@@ -68,6 +71,21 @@ class Client:
     def post(self, path: str, body: dict[str, Any]) -> Any:
         """POST a JSON body to a path under /api/v1."""
         return self._ask("POST", path, json=body).json()
+
+    def upload(self, path: str, params: list[tuple[str, str]], file: Path) -> Any:
+        """POST a file, piece by piece, to a path under /api/v1."""
+        import httpx
+
+        try:
+            with file.open("rb") as content:
+                answer = self._ask("POST", path, params=params, content=content, timeout=UPLOAD_S)
+        except OSError as error:
+            raise ClientError(f"The file {file} cannot be read: {error.strerror or error}.") from error
+        except ClientError as error:
+            if isinstance(error.__cause__, httpx.WriteError | httpx.RemoteProtocolError):
+                raise ClientError("The service stopped reading the file: it may be too large for it.") from error
+            raise
+        return answer.json()
 
     def delete(self, path: str) -> None:
         """DELETE a path under /api/v1."""

@@ -23,7 +23,7 @@ def write_value(metric: Metric, value: float | None) -> str:
 def write_figure(metric: Metric, figure: Figure) -> str:
     """A value with its unit."""
     text = write_value(metric, figure.value)
-    return text if figure.value is None or not metric.unit else f"{text} {metric.unit}".replace(" /ray", "/ray")
+    return text if figure.value is None or not metric.unit else f"{text} {metric.unit}".replace(" /", "/")
 
 
 def write_interval(metric: Metric, figure: Figure) -> str:
@@ -31,6 +31,11 @@ def write_interval(metric: Metric, figure: Figure) -> str:
     if figure.low is None or figure.high is None:
         return ""
     return f"{write_value(metric, figure.low)}–{write_value(metric, figure.high)}"
+
+
+def write_percent(fraction: float) -> str:
+    """A fraction as a percentage, below 10 % with one digit after the point."""
+    return f"{fraction * 100:.{1 if abs(fraction) < 0.0995 else 0}f} %"
 
 
 def _number(value: float) -> str:

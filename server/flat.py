@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, cast
 
 from renderer.variant import AXES
 
@@ -24,13 +25,19 @@ COLUMNS = (
     *("error_t_rel_p99", "error_t_rel_max", "error_t_ulp_max", "error_shadow_mismatch", "error_flip"),
     *("vs_embree_mrays_per_cpu_s", "vs_embree_ratio"),
     *("profile_sp_memory_read", "profile_sp_memory_read_per_s", "profile_shader_alu_capacity_utilized"),
-    *("profile_time_alus_working", "profile_alu_per_fragment", "profile_imported"),
+    *("profile_time_alus_working", "profile_alu_per_fragment", "profile_imported", "profile_ambiguous"),
     *("versions_rayfarm", "versions_shader_sha", "versions_plan", "started_at"),
 )
 """The columns that every table has, in their order; further fields of a document follow them."""
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """What a text begins with that a spreadsheet takes for a formula (OWASP, CSV Injection)."""
+
+LINES = 100
+"""How many lines of a CSV go out at once."""
+
+RAW = ("frames_ms", "frames_cpu_ms", "frames_gpu_ms", "samples")
+"""Raw series: a CSV has them, a cell of a comparison leaves them to its job."""
 
 OBJECTS = ("device", "sah", "frame_ms", "rays", "per_ray", "error", "vs_embree", "profile", "versions")
 
@@ -59,6 +66,11 @@ def flatten_document(document: dict[str, Any]) -> dict[str, Any]:
     return row
 
 
+def without_raw(values: dict[str, Any]) -> dict[str, Any]:
+    """A document or a flat row without its raw series."""
+    return {key: value for key, value in values.items() if key not in RAW}
+
+
 def to_frame(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     """Flat rows as a table with all of COLUMNS, what was not measured empty."""
     import pandas as pd
@@ -77,6 +89,30 @@ def to_csv(table: pd.DataFrame, *, index: bool) -> str:
     guarded: pd.DataFrame = table.apply(lambda column: column if is_numeric_dtype(column) else column.map(_guarded))
     guarded.columns, guarded.index = table.columns.map(_guarded), table.index.map(_guarded)
     return guarded.to_csv(index=index)
+
+
+def csv_lines(rows: Iterable[dict[str, Any]], fields: Sequence[str] = ()) -> Iterator[str]:
+    """Flat rows as CSV, some lines at a time, guarded as by `to_csv`: COLUMNS, then `fields`.
+
+    Raise ValueError for a row with another column, so that nothing is left out unseen.
+    """
+    columns = list(dict.fromkeys((*COLUMNS, *fields)))
+    kept: list[str] = []
+    writer = csv.DictWriter(cast(IO[str], _Kept(kept)), columns, lineterminator="\n")
+    writer.writerow({name: _guarded(name) for name in columns})
+    for row in rows:
+        writer.writerow({name: _guarded(value) for name, value in row.items()})
+        if len(kept) >= LINES:
+            yield "".join(kept)
+            kept.clear()
+    yield "".join(kept)
+
+
+class _Kept:
+    """A file that is a list of the texts written."""
+
+    def __init__(self, texts: list[str]) -> None:
+        self.write = texts.append
 
 
 def _guarded(value: Any) -> Any:

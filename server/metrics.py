@@ -55,6 +55,11 @@ METRICS: dict[str, Metric] = {
         Metric("error_shadow_mismatch", "Shadow mismatch", "of shadow rays", "lower", "fraction"),
         Metric("error_raster_mismatch", "Raster mismatch", "of pixels", "lower", "fraction"),
         Metric("sah_cost", "SAH cost", "", "lower"),
+        Metric("profile_sp_memory_read", "SP memory read a draw (imported)", "", "lower", "bytes"),
+        Metric("profile_sp_memory_read_per_s", "SP memory read (imported)", "/s", "lower", "bytes"),
+        Metric("profile_shader_alu_capacity_utilized", "Shader ALU capacity utilized (imported)", "%", "higher"),
+        Metric("profile_time_alus_working", "Time ALUs working (imported)", "%", "higher"),
+        Metric("profile_alu_per_fragment", "ALU per fragment (imported)", "ALU/fragment", "lower"),
     )
 }
 

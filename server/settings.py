@@ -25,10 +25,15 @@ def _default_database() -> str:
     return f"sqlite:///{data_folder() / 'rayfarm.sqlite'}"
 
 
+def _default_blobs() -> Path:
+    return data_folder() / "blobs"
+
+
 class Settings(BaseSettings):
     """Where the service listens and where it keeps things.
 
-    `database_url` is an SQLAlchemy URL. `allowed_hosts` are the names under
+    `database_url` is an SQLAlchemy URL, `blobs` the folder of what is too large for it, such as imported profiles, none
+    of which may be larger than `profile_mb` megabytes. `allowed_hosts` are the names under
     which the service may be addressed. `slice_timeout_s` bounds one slice, `lease_s` is how long a worker that shows
     no sign of life keeps its slices, `poll_s` how often a worker looks for work; in seconds. `worker_host` names the
     machine that phones are attached to, where its host name will not do. `phones` and `llvmpipe` say what a worker
@@ -38,6 +43,8 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="RAYFARM_")
 
     database_url: str = Field(default_factory=_default_database)
+    blobs: Path = Field(default_factory=_default_blobs)
+    profile_mb: int = Field(default=1000, ge=1)
     host: str = "127.0.0.1"
     port: int = Field(default=8710, ge=0, le=65535)
     allowed_hosts: tuple[str, ...] = ("localhost", "127.0.0.1", "[::1]")

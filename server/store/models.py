@@ -5,19 +5,27 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import Any, Literal
 
-from sqlalchemy import JSON, DateTime, Dialect, ForeignKey, Index, String, Text, TypeDecorator, UniqueConstraint
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    DateTime,
+    Dialect,
+    Float,
+    ForeignKey,
+    Index,
+    String,
+    Text,
+    TypeDecorator,
+    UniqueConstraint,
+)
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
 
 from renderer.variant import AXES
+from server.store.defaults import LLVMPIPE, NORMAL_PRIORITY
 from server.store.states import State
 
 Json = dict[str, Any]
 Presence = Literal["connecting", "online", "offline", "unauthorized"]
-
-LLVMPIPE = "llvmpipe"
-"""The device of jobs that any llvmpipe host may run."""
-NORMAL_PRIORITY = 100
-"""The priority of jobs that name none: 1 is the most urgent."""
 
 
 def now() -> datetime:
@@ -168,13 +176,32 @@ class Change(Base):
     at: Mapped[datetime] = mapped_column(default=now)
 
 
+class Setup(Base):
+    """What a result was measured on and with, in `server.store.setups.FACTS`' names; it is never changed or deleted."""
+
+    __tablename__ = "setups"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    digest: Mapped[str] = mapped_column(String(64), unique=True)
+    facts: Mapped[Json]
+
+
 class Result(Base):
-    """A job's result: the whole document, and the columns that a comparison filters on."""
+    """A job's result: the whole document, and the columns that a comparison filters on and groups by.
+
+    Results are only ever added, so the larger of two ids is the later result.
+    """
 
     __tablename__ = "results"
+    __table_args__ = (
+        Index("ix_results_setup", "setup_id", "study_id", "id"),
+        Index("ix_results_study", "study_id", "setup_id", "id"),
+    )
 
     id: Mapped[int] = mapped_column(primary_key=True)
     job_id: Mapped[int] = mapped_column(ForeignKey("jobs.id"), unique=True)
+    study_id: Mapped[int | None] = mapped_column(ForeignKey("studies.id"))
+    setup_id: Mapped[int] = mapped_column(ForeignKey("setups.id"))
     recorded_at: Mapped[datetime] = mapped_column(default=now, index=True)
     scene: Mapped[str] = mapped_column(String(200), index=True)
     device: Mapped[str] = mapped_column(String(200), index=True)
@@ -187,7 +214,7 @@ class Result(Base):
     precision: Mapped[str] = mapped_column(String(64))
     offset: Mapped[str] = mapped_column(String(64))
     builder: Mapped[str] = mapped_column(String(64))
-    document: Mapped[Json]
+    document: Mapped[Json] = mapped_column(deferred=True)
 
     job: Mapped[Job] = relationship(back_populates="result")
 
@@ -207,3 +234,47 @@ class Submitted(Base):
     location: Mapped[str] = mapped_column(String(200))
     body: Mapped[Json]
     created_at: Mapped[datetime] = mapped_column(default=now, index=True)
+
+
+class Profile(Base):
+    """A profiler's file that was imported for a job: what it was, and where its text is (`sha256` in the blob store).
+
+    `column_map` is the map that it was read with, metric or role to column; None where its format needed none.
+    """
+
+    __tablename__ = "profiles"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    job_id: Mapped[int] = mapped_column(ForeignKey("jobs.id"), index=True)
+    format: Mapped[str] = mapped_column(String(32))
+    column_map: Mapped[Json | None]
+    file_name: Mapped[str] = mapped_column(String(200))
+    sha256: Mapped[str] = mapped_column(String(64), index=True)
+    size: Mapped[int] = mapped_column(BigInteger)
+    rows: Mapped[int] = mapped_column(BigInteger)
+    imported_at: Mapped[datetime] = mapped_column(default=now)
+
+    metrics: Mapped[list[ProfileMetric]] = relationship(order_by="ProfileMetric.id")
+
+
+class ProfileMetric(Base):
+    """One metric of a profile over all its values; `unit` is its usual spelling, times are texts as the file has them.
+
+    `instance` is the suffix of its name (`[1]`), `source` what else told it apart: a process, a GPU, a capture.
+    """
+
+    __tablename__ = "profile_metrics"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    profile_id: Mapped[int] = mapped_column(ForeignKey("profiles.id"), index=True)
+    name: Mapped[str] = mapped_column(String(300))
+    instance: Mapped[str | None] = mapped_column(String(100))
+    source: Mapped[str | None] = mapped_column(String(300))
+    unit: Mapped[str | None] = mapped_column(String(100))
+    count: Mapped[int] = mapped_column(BigInteger)
+    mean: Mapped[float] = mapped_column(Float(53))
+    median: Mapped[float] = mapped_column(Float(53))
+    min: Mapped[float] = mapped_column(Float(53))
+    max: Mapped[float] = mapped_column(Float(53))
+    first_time: Mapped[str | None] = mapped_column(String(100))
+    last_time: Mapped[str | None] = mapped_column(String(100))
