@@ -80,6 +80,8 @@ def combine(request: Request, measurements: list[dict[str, Any]]) -> Result:
             "ci_low": None if interval is None else interval[0] * 1e3,
             "ci_high": None if interval is None else interval[1] * 1e3,
         },
+        "frames_by_round": [len(measurement["frames"]["wall"]) for measurement in measurements],
+        "rounds_started_at": [measurement["started_at"] for measurement in measurements],
         "frames_ms": [time * 1e3 for time in wall],
         "frames_cpu_ms": [time * 1e3 for time in cpu],
         "frames_gpu_ms": [None if time is None else time * 1e3 for time in gpu],

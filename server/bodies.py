@@ -130,6 +130,7 @@ class StudyBody(Body):
     size: Size | None = None
     frames: int | None = None
     rounds: int | None = None
+    repeats: int | None = None
     rays: str | None = None
     sah: Costs | None = None
     check: Check | None = None
@@ -148,6 +149,6 @@ class StudyBody(Body):
             study = with_changes(study, scenes=tuple(self.scenes), optional_scenes=())
         if self.devices is not None:
             study = with_changes(study, devices=tuple(dict.fromkeys(self.devices)) or (LLVMPIPE,))
-        fields = ("axes", "size", "frames", "rounds", "rays", "check", "vs_embree", "specialise")
+        fields = ("axes", "size", "frames", "rounds", "repeats", "rays", "check", "vs_embree", "specialise")
         costs = SahCosts(self.sah.traversal, self.sah.intersection) if self.sah else None
         return with_changes(study, costs=costs, **{name: getattr(self, name) for name in fields})

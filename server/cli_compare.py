@@ -8,6 +8,7 @@ import typer
 
 from server.cli_common import Client, ClientError, JsonFlag, ServerOption, make_console, print_json
 from server.cli_table import print_comparison
+from server.differences import DEFAULT_GATE
 
 
 def register(app: typer.Typer) -> None:
@@ -24,10 +25,27 @@ def compare(
     cols: Annotated[str | None, typer.Option(help="What stands on the columns.")] = None,
     sort: Annotated[str | None, typer.Option(help="A column, best first; with - before it, worst first.")] = None,
     csv: Annotated[bool, typer.Option("--csv", help="Print every result as a line of CSV.")] = False,
+    baseline: Annotated[
+        str | None, typer.Option(help="job:1, study:2, a file of results, or NAME=VALUE,...; needs --against.")
+    ] = None,
+    against: Annotated[str | None, typer.Option(help="What is held against --baseline, written alike.")] = None,
+    gate: Annotated[
+        bool, typer.Option("--gate", help="Exit with 1 when a pair's slowdown surely passes --threshold.")
+    ] = False,
+    threshold: Annotated[float, typer.Option(help="The gate's slowdown in per cent.")] = DEFAULT_GATE * 100,
+    clock: Annotated[str, typer.Option(help="wall, cpu, or auto: cpu on llvmpipe, with --baseline.")] = "auto",
     server: ServerOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Show results side by side."""
+    """Show results side by side, or with --baseline and --against how two sets of them differ.
+
+    The latter takes jobs and studies of a service, files of `bench --json` and `study --output`, and selections, as
+    study:3,layout=normal; pairs share all that the two do not both name.
+    """
+    if baseline is not None or against is not None or gate:
+        from server.cli_gate import compare_sides
+
+        raise typer.Exit(compare_sides(baseline, against, threshold, gate, clock, server, as_json))
     named = {"metric": metric, "rows": rows, "cols": cols, "sort": sort}
     params = [(name, value) for name, value in named.items() if value is not None]
     params += [_read_filter(text) for text in where or []]

@@ -10,7 +10,9 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from server.cli_alarms import SAME, show_alarms
 from server.cli_common import SOME_FAILED, Client, ClientError, JsonFlag, make_console
+from server.cli_follow import follow_study
 from server.cli_submit import show_study
 from server.cli_table import print_comparison
 
@@ -32,6 +34,9 @@ def study(
     size: Annotated[str | None, typer.Option(help="W or WxH, in pixels.")] = None,
     frames: Annotated[int | None, typer.Option(help="Timed frames over all rounds.")] = None,
     rounds: Annotated[int | None, typer.Option(help="Rounds, each in fresh processes.")] = None,
+    repeats: Annotated[
+        int | None, typer.Option(help="How often each request is measured; aa compares them by twos.")
+    ] = None,
     device: Annotated[str | None, typer.Option(help="With --server: the devices, as `rayfarm devices` lists.")] = None,
     output: Annotated[Path | None, typer.Option(help="Write the results there, one JSON document a line.")] = None,
     server: Annotated[str | None, typer.Option(help="Run it on a service instead of here.")] = None,
@@ -41,19 +46,32 @@ def study(
     if server is not None:
         if output is not None:
             raise ClientError("--output is for studies that run here: leave it out with --server.")
-        given = {"size": size, "frames": frames, "rounds": rounds, "devices": device}
+        given = {"size": size, "frames": frames, "rounds": rounds, "repeats": repeats, "devices": device}
         body = {"name": name} | {key: value for key, value in given.items() if value is not None}
         with Client(server) as client:
-            raise typer.Exit(show_study(client, client.submit("studies", body), as_json))
+            posted = client.submit("studies", body)
+            if name == SAME:
+                raise typer.Exit(_watch_alarms(client, posted["id"], as_json))
+            raise typer.Exit(show_study(client, posted, as_json))
     if device is not None:
         raise ClientError("--device is for studies on a service: add --server.")
-    planned = _plan_here(name, size, frames=frames, rounds=rounds)
+    planned = _plan_here(name, size, frames=frames, rounds=rounds, repeats=repeats)
     results = _run_here(planned, Console(stderr=True))
     documents = [result for result in results if isinstance(result, dict)]
     if output is not None:
         output.write_text("".join(json.dumps(document) + "\n" for document in documents), encoding="utf-8")
-    _report(documents, as_json)
+    if name == SAME:
+        show_alarms(documents, as_json)
+    else:
+        _report(documents, as_json)
     _tell_failures(planned, results)
+
+
+def _watch_alarms(client: Client, number: int, as_json: bool) -> int:
+    study = follow_study(client, number, Console(stderr=True, quiet=as_json))
+    done = study["jobs_by_state"]["done"]
+    show_alarms(client.get("results", [("of", f"study:{number}")])["results"] if done else [], as_json)
+    return SOME_FAILED if study["jobs_by_state"]["failed"] else 0
 
 
 def _plan_here(name: str, size: str | None, **changes: int | None) -> Planned:

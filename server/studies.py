@@ -12,6 +12,7 @@ from renderer.variant import AXES, Variant, expand, matrix
 from server.store.defaults import LLVMPIPE
 
 MAX_SLICES = 20_000
+MAX_REPEATS = 1000
 BRUTE_FORCE_LIMIT = 1e9
 """`all` leaves out `brute-force` above this many ray-triangle tests a frame."""
 
@@ -28,7 +29,7 @@ class Study:
     """A matrix of variants over scenes, and what every job of it asks for.
 
     `axes` gives each axis a comma list or values, `paper` and `all` included (`renderer.variant.expand`).
-    `optional_scenes` are added where they are here.
+    `optional_scenes` are added where they are here. `repeats` holds every request so many times, one beside the other.
     """
 
     scenes: tuple[str, ...]
@@ -37,6 +38,7 @@ class Study:
     size: tuple[int, int] = (1024, 1024)
     frames: int = 9
     rounds: int = 3
+    repeats: int = 1
     rays: str = "both"
     costs: SahCosts = SahCosts()
     check: Check = "referee"
@@ -54,6 +56,15 @@ STUDIES: dict[str, Study] = {
         frames=12,
         rounds=2,
         vs_embree=True,
+    ),
+    "aa": Study(
+        scenes=("cornell-box",),
+        size=(64, 64),
+        frames=90,
+        rounds=10,
+        repeats=80,
+        check="none",
+        axes={"layout": "normal"},
     ),
 }
 """The studies that have a name."""
@@ -94,12 +105,14 @@ def plan_study(study: Study, require_scene: Callable[[str], Entry], is_here: Cal
     entries = [require_scene(name) for name in dict.fromkeys(scenes)]
     variants, refused = matrix(expand_axes(study.axes), study.rays)
     left_out = [{"scene": None, **item.variant.as_dict(), "reason": item.reason} for item in refused]
+    if not 1 <= study.repeats <= MAX_REPEATS:
+        raise StudyError(f"The repeats are {study.repeats}: give a whole number from 1 to {MAX_REPEATS}.")
     requests: list[Request] = []
     for entry in entries:
         for variant in variants:
             reason = _too_much(study, entry, variant)
             if reason is None:
-                requests.append(_request(study, entry["name"], variant))
+                requests += [_request(study, entry["name"], variant)] * study.repeats
             else:
                 left_out.append({"scene": entry["name"], **variant.as_dict(), "reason": reason})
     _require_some(requests, left_out, len(study.devices))

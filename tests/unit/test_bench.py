@@ -45,3 +45,4 @@ def test_processor_times_of_some_rounds_only_are_not_told(rounds: list[list[floa
     assert result["mrays_per_cpu_s"] == (None if speed is None else pytest.approx(speed))
     assert len(result["frames_cpu_ms"]) in (0, result["frames"])
     assert result["mrays_per_s"] == pytest.approx(0.15)
+    assert result["frames_by_round"] == [2] * len(rounds)
