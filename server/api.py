@@ -20,7 +20,7 @@ from server.store.models import Job
 from server.store.records import Order, add_study
 from server.store.states import OPEN, State
 from server.studies import plan_study
-from server.views import MAX_ID, find_job, find_study, job_line, job_view, study_view
+from server.views import MAX_ID, find_job, find_study, job_line, job_lines, job_view, study_view
 
 router = APIRouter(prefix="/api/v1")
 
@@ -67,7 +67,7 @@ def list_jobs(
 ) -> dict[str, Any]:
     """Jobs, the newest first; `next` is the address of the next page or null."""
     wanted = {Job.state: state, Job.study_id: study, Job.scene: scene}
-    query = select(Job).order_by(Job.id.desc()).limit(limit + 1)
+    query = job_lines().order_by(Job.id.desc()).limit(limit + 1)
     query = query.where(*(column == value for column, value in wanted.items() if value is not None))
     if before is not None:
         query = query.where(Job.id < before)

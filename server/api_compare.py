@@ -5,15 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 from fastapi import APIRouter, Request
-from fastapi.responses import JSONResponse, Response
+from fastapi.responses import JSONResponse, Response, StreamingResponse
 
 from server.api import database_of
 from server.compare import Cell, CompareError, Comparison
-from server.flat import to_csv
+from server.flat import csv_lines, to_csv
 from server.metrics import Figure
-from server.selection import Selection, load_comparison, read_selection
+from server.selection import Selection, load_comparison, load_rows, read_selection
 
 router = APIRouter(prefix="/api/v1")
+CSV = "text/csv; charset=utf-8"
 
 
 @router.get("/compare")
@@ -27,11 +28,14 @@ def read_comparison(request: Request) -> Response:
     form = _choice("format", params.get("format") or "json", ("json", "csv"))
     shape = _choice("shape", params.get("shape") or "long", ("long", "table"))
     selection = read_selection(params)
-    table = load_comparison(database_of(request), selection)
+    database = database_of(request)
     if form == "json":
-        return JSONResponse(comparison_view(table, selection))
-    text = to_csv(table.pivot(), index=True) if shape == "table" else to_csv(table.frame(), index=False)
-    return Response(text, media_type="text/csv; charset=utf-8")
+        return JSONResponse(comparison_view(load_comparison(database, selection), selection))
+    if shape == "table":
+        text = to_csv(load_comparison(database, selection, limit=None).pivot(), index=True)
+        return Response(text, media_type=CSV)
+    rows = load_rows(database, selection)
+    return StreamingResponse(csv_lines(rows, rows.fields), media_type=CSV)
 
 
 def comparison_view(table: Comparison, selection: Selection) -> dict[str, Any]:

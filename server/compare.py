@@ -6,13 +6,16 @@ they differ, so that figures of different environments are not mistaken for one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from renderer.variant import AXES, TRAVERSALS
-from server.flat import Stored, flatten, to_frame
+from server.flat import Stored, flatten, to_frame, without_raw
 from server.metrics import METRICS, Figure, Metric, read_figure
+from server.store.setups import FACTS, SETUP, VERSIONS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,26 +26,42 @@ DIMENSIONS = (*AXES, "scene", "family", "device", "size", "rays", "study")
 COLUMN_OF = {"device": "device_id", "rays": "rays_kind"}
 """Dimensions whose column in a flat row has another name."""
 
-SETUP = (
-    *AXES,
-    *("scene", "device_id", "device_name", "device_driver", "device_threads", "size", "rays_kind", "specialised"),
-    *("sah_traversal", "sah_intersection"),
-)
-"""What two results of one cell may differ in."""
-
-VERSIONS = ("versions_rayfarm", "versions_plan", "versions_shader_sha")
-"""What else they may differ in; named where the set-up does not explain it."""
+PLACE = {name: index for index, name in enumerate(FACTS)}
 
 Key = tuple[str, ...]
+Texts = tuple[str, ...]
+Row = dict[str, Any]
+Load = Callable[[Sequence[int]], dict[int, Row]]
+
+
+class Rows(Protocol):
+    """Flat rows, the newest first; they may be read from the store as they are asked for."""
+
+    def __len__(self) -> int:
+        """How many."""
+        ...
+
+    def __iter__(self) -> Iterator[Row]:
+        """Read them."""
+        ...
 
 
 class CompareError(ValueError):
     """A comparison that cannot be made; the message is one sentence that says what to do."""
 
 
+class Group(NamedTuple):
+    """Results of one set-up: its texts in the order of FACTS, how many results, and the newest (the largest id)."""
+
+    texts: Texts
+    study: int | None
+    results: int
+    latest: int
+
+
 @dataclass(frozen=True)
 class Cell:
-    """The latest result of a cell: its flat row, all figures, how many results there are, what they differ in."""
+    """The latest result of a cell: its flat row without raw series, all figures, the count, what they differ in."""
 
     row: dict[str, Any]
     figures: dict[str, Figure]
@@ -52,7 +71,10 @@ class Cell:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A table: `cells[i][j]` belongs to `row_keys[i]` and `column_keys[j]`; None where nothing was measured."""
+    """A table: `cells[i][j]` belongs to `row_keys[i]` and `column_keys[j]`; None where nothing was measured.
+
+    `flat` is every result that went in; `environments` are their devices, drivers included, each once.
+    """
 
     metric: Metric
     rows: tuple[str, ...]
@@ -61,11 +83,12 @@ class Comparison:
     column_keys: list[Key]
     cells: list[list[Cell | None]]
     notes: list[str]
-    flat: list[dict[str, Any]]
+    flat: Rows
+    environments: list[str]
 
     def frame(self) -> pd.DataFrame:
         """All results that went in, one a line, the newest first."""
-        return to_frame(self.flat)
+        return to_frame(list(self.flat))
 
     def pivot(self) -> pd.DataFrame:
         """The metric's values as a table of rows by columns."""
@@ -89,15 +112,41 @@ def compare(
     `-` before it the order is reversed.
     """
     flat = [flatten(stored) for stored in results]
-    groups: dict[tuple[Key, Key], list[dict[str, Any]]] = {}
-    for row in flat:
-        groups.setdefault((key_of(row, rows), key_of(row, columns)), []).append(row)
-    row_keys = _ordered({row_key for row_key, _ in groups}, rows)
-    column_keys = _ordered({column_key for _, column_key in groups}, columns)
-    table = {pair: _cell(group) for pair, group in groups.items()}
+    groups = [Group(texts_of(row), row["study"], 1, -index) for index, row in enumerate(flat)]
+    return pivot(groups, lambda ids: {id_: without_raw(flat[-id_]) for id_ in ids}, flat, metric, rows, columns, sort)
+
+
+def pivot(
+    groups: Iterable[Group],
+    load: Load,
+    flat: Rows,
+    metric: Metric,
+    rows: tuple[str, ...],
+    columns: tuple[str, ...],
+    sort: str = "",
+    limit: int | None = None,
+) -> Comparison:
+    """Pivot groups of results; `load` gives the flat rows of results by their ids.
+
+    With a `limit` the table has no more cells than that, beyond one row and one column; a note says what is left out.
+    """
+    known = list(groups)
+    pairs = _by_cell(known, rows, columns)
+    table = _Table(pairs, load)
+    row_keys = _ordered({row_key for row_key, _ in pairs}, rows)
+    column_keys = _ordered({column_key for _, column_key in pairs}, columns)
     row_keys = _sorted(row_keys, column_keys, table, metric, rows, sort)
-    cells = [[table.get((row, column)) for column in column_keys] for row in row_keys]
-    return Comparison(metric, rows, columns, row_keys, column_keys, cells, _notes(table), flat)
+    shown_columns = column_keys[:limit]
+    shown_rows = row_keys if limit is None else row_keys[: max(1, limit // max(1, len(shown_columns)))]
+    table.read((row, column) for row in shown_rows for column in shown_columns)
+    cells = [[table.cells.get((row, column)) for column in shown_columns] for row in shown_rows]
+    notes = _left_out(row_keys, column_keys, shown_rows, shown_columns) + _differing(table.differs)
+    return Comparison(metric, rows, columns, shown_rows, shown_columns, cells, notes, flat, _environments(known))
+
+
+def texts_of(facts: dict[str, Any]) -> Texts:
+    """A set-up's facts, or those of a flat row, as texts in the order of FACTS."""
+    return tuple(str(facts.get(name)) for name in FACTS)
 
 
 def read_dimensions(name: str, text: str) -> tuple[str, ...]:
@@ -111,24 +160,67 @@ def read_dimensions(name: str, text: str) -> tuple[str, ...]:
     return chosen
 
 
-def key_of(row: dict[str, Any], dimensions: Sequence[str]) -> Key:
-    """A flat row's place on the given dimensions."""
-    return tuple(str(row.get(COLUMN_OF.get(name, name))) for name in dimensions)
-
-
 def label(key: Key) -> str:
     """A key as one text."""
     return " / ".join(key)
 
 
-def _cell(group: list[dict[str, Any]]) -> Cell:
-    latest = group[0]
-    differs = tuple(name for name in SETUP if _varies(group, name)) or tuple(v for v in VERSIONS if _varies(group, v))
-    return Cell(latest, {key: read_figure(metric, latest) for key, metric in METRICS.items()}, len(group), differs)
+class _Table:
+    """The cells of a table, made when they are asked for, and what the results of each cell differ in."""
+
+    def __init__(self, pairs: dict[tuple[Key, Key], list[Group]], load: Load) -> None:
+        self._pairs = pairs
+        self._load = load
+        self.differs = {pair: _differs(groups) for pair, groups in pairs.items()}
+        self.cells: dict[tuple[Key, Key], Cell] = {}
+
+    def read(self, wanted: Iterable[tuple[Key, Key]]) -> None:
+        """Make the cells that have results and are not made yet."""
+        new = [pair for pair in wanted if pair in self._pairs and pair not in self.cells]
+        latest = {pair: max(group.latest for group in self._pairs[pair]) for pair in new}
+        found = self._load(list(latest.values()))
+        for pair, id_ in latest.items():
+            row, count = found[id_], sum(group.results for group in self._pairs[pair])
+            figures = {key: read_figure(metric, row) for key, metric in METRICS.items()}
+            self.cells[pair] = Cell(row, figures, count, self.differs[pair])
 
 
-def _varies(group: list[dict[str, Any]], name: str) -> bool:
-    return len({str(row.get(name)) for row in group}) > 1
+def _by_cell(groups: list[Group], rows: Sequence[str], columns: Sequence[str]) -> dict[tuple[Key, Key], list[Group]]:
+    row_of, column_of = _key_maker(rows), _key_maker(columns)
+    pairs = defaultdict(list)
+    for group in groups:
+        pairs[row_of(group), column_of(group)].append(group)
+    return pairs
+
+
+def _key_maker(dimensions: Sequence[str]) -> Callable[[Group], Key]:
+    """What makes a group's key; called for every group, so it does little."""
+    if "study" in dimensions:
+        places = [-1 if name == "study" else PLACE[COLUMN_OF.get(name, name)] for name in dimensions]
+        return lambda group: tuple(str(group.study) if place < 0 else group.texts[place] for place in places)
+    places = [PLACE[COLUMN_OF.get(name, name)] for name in dimensions]
+    if len(places) == 1:
+        return lambda group: (group.texts[places[0]],)
+    chosen = itemgetter(*places)
+    return lambda group: chosen(group.texts)
+
+
+def _differs(groups: list[Group]) -> tuple[str, ...]:
+    if len(groups) == 1:
+        return ()
+    varying = [len(set(texts)) > 1 for texts in zip(*(group.texts for group in groups), strict=True)]
+    return tuple(name for name in SETUP if varying[PLACE[name]]) or tuple(v for v in VERSIONS if varying[PLACE[v]])
+
+
+def _environments(groups: Iterable[Group]) -> list[str]:
+    """The devices with their drivers, the one of the newest result first."""
+    newest: dict[Texts, int] = {}
+    device = itemgetter(*(PLACE[f"device_{part}"] for part in ("name", "id", "driver")))
+    for group in groups:
+        key = device(group.texts)
+        newest[key] = max(group.latest, newest.get(key, group.latest))
+    ordered = sorted(newest, key=lambda key: -newest[key])
+    return list(dict.fromkeys(f"{id_ if name in ('', 'None') else name}, {driver}" for name, id_, driver in ordered))
 
 
 def _ordered(keys: set[Key], dimensions: Sequence[str]) -> list[Key]:
@@ -146,7 +238,7 @@ def _rank(dimension: str, value: str) -> tuple[int, str]:
 def _sorted(
     row_keys: list[Key],
     column_keys: list[Key],
-    table: dict[tuple[Key, Key], Cell],
+    table: _Table,
     metric: Metric,
     rows: Sequence[str],
     sort: str,
@@ -158,21 +250,33 @@ def _sorted(
     if column is None:
         return row_keys
     falling = (metric.better == "higher") != sort.startswith("-")
+    table.read((key, column) for key in row_keys)
 
     def value(key: Key) -> tuple[bool, float]:
-        cell = table.get((key, column))
+        cell = table.cells.get((key, column))
         found = cell.figures[metric.key].value if cell else None
         return (found is None, 0.0 if found is None else -found if falling else found)
 
     return sorted(row_keys, key=value)
 
 
-def _notes(table: dict[tuple[Key, Key], Cell]) -> list[str]:
-    crowded = [cell for cell in table.values() if cell.differs]
+def _left_out(
+    rows: Sequence[Key], columns: Sequence[Key], shown_rows: Sequence[Key], shown: Sequence[Key]
+) -> list[str]:
+    if len(rows) == len(shown_rows) and len(columns) == len(shown):
+        return []
+    return [
+        f"The table has {len(rows)} rows and {len(columns)} columns: the first {len(shown_rows)} rows and {len(shown)} "
+        "columns are shown. Filter, or put less on the rows or columns; the CSV has all of it."
+    ]
+
+
+def _differing(differs: dict[tuple[Key, Key], tuple[str, ...]]) -> list[str]:
+    crowded = [names for names in differs.values() if names]
     if not crowded:
         return []
-    names = sorted({name for cell in crowded for name in cell.differs}, key=(*SETUP, *VERSIONS).index)
+    found = sorted({name for names in crowded for name in names}, key=(*SETUP, *VERSIONS).index)
     return [
-        f"{len(crowded)} of {len(table)} cells hold several results that differ in {', '.join(names)}; "
+        f"{len(crowded)} of {len(differs)} cells hold several results that differ in {', '.join(found)}; "
         "each shows the latest. Filter, or put these on the rows or columns."
     ]

@@ -4,19 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 from urllib.parse import urlencode
 
-from sqlalchemy import select
+from sqlalchemy import exists, func, null, or_, select
+from sqlalchemy.orm import Session
 from starlette.datastructures import QueryParams
 
 from renderer.variant import AXES, expand
-from server.compare import CompareError, Comparison, compare, read_dimensions
-from server.flat import Stored
+from server.compare import COLUMN_OF, PLACE, CompareError, Comparison, Group, pivot, read_dimensions
 from server.metrics import DEFAULT_METRIC, METRICS, Metric, require_metric
+from server.setup_cache import SetupCache, setups_of
 from server.store.database import Database
-from server.store.models import FILTERS, Job, Result
+from server.store.models import FILTERS, Result, Study
+from server.stored_rows import StoredRows, read_rows, selected
 
-MAX_RESULTS = 5000
+MAX_CELLS = 600
+"""The most cells that a page or an answer shows; a CSV has all."""
+MAX_STUDIES = 20
+"""The most studies that a page or an answer compares with each other."""
 CHARTS = ("speed", "error")
 OTHERS = ("metric", "rows", "cols", "columns", "sort", "study", "chart", "format", "shape")
 
@@ -32,6 +39,11 @@ class Selection:
     chart: str = "speed"
     study: int | None = None
     filters: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def by_study(self) -> bool:
+        """Whether studies are compared with each other."""
+        return "study" in (*self.rows, *self.columns)
 
     def query(self, **changes: str) -> str:
         """The query string of this selection with some parameters replaced; defaults are left out."""
@@ -67,33 +79,75 @@ def read_selection(params: QueryParams) -> Selection:
     )
 
 
-def load_comparison(database: Database, selection: Selection) -> Comparison:
-    """Read the selected results, the newest first, and pivot them."""
-    results = load_results(database, selection)
-    table = compare(results[:MAX_RESULTS], selection.metric, selection.rows, selection.columns, selection.sort)
-    if len(results) > MAX_RESULTS:
-        table.notes.append(f"Only the latest {MAX_RESULTS} results are looked at: filter to reach older ones.")
+def load_comparison(database: Database, selection: Selection, limit: int | None = MAX_CELLS) -> Comparison:
+    """Pivot all selected results; only those that a cell shows are read whole. `limit` is that of `compare.pivot`.
+
+    With a limit and studies on the rows or columns, those are the newest MAX_STUDIES; a note says so.
+    """
+    with database.reading() as session:
+        studies = None if limit is None else _newest_studies(session, selection)
+        groups, flat = _read_groups(session, database, selection, studies)
+        chosen = (selection.metric, selection.rows, selection.columns, selection.sort)
+        table = pivot(groups, partial(read_rows, session), flat, *chosen, limit)
+    if studies is not None:
+        table.notes.insert(0, f"Only the newest {MAX_STUDIES} studies are looked at: filter to reach older ones.")
     return table
 
 
-def load_results(database: Database, selection: Selection) -> list[Stored]:
-    """The selected results, the newest first, at most one more than MAX_RESULTS."""
-    query = select(Result, Job.study_id).join(Job).order_by(Result.recorded_at.desc(), Result.id.desc())
-    for name, values in selection.filters.items():
-        query = query.where(getattr(Result, name).in_(values))
-    if selection.study is not None:
-        query = query.where(Job.study_id == selection.study)
+def load_rows(database: Database, selection: Selection) -> StoredRows:
+    """All selected results, the newest first, read from the database when they are asked for."""
     with database.reading() as session:
-        return [
-            Stored(result.job_id, study, result.recorded_at.isoformat(), result.document)
-            for result, study in session.execute(query.limit(MAX_RESULTS + 1))
-        ]
+        return _read_groups(session, database, selection, None)[1]
 
 
 def known_values(database: Database) -> dict[str, list[str]]:
     """The values that stored results have, per filter."""
     with database.reading() as session:
-        return {name: sorted(session.scalars(select(getattr(Result, name)).distinct())) for name in FILTERS}
+        return setups_of(database).values(session)
+
+
+def _newest_studies(session: Session, selection: Selection) -> list[int] | None:
+    """The newest studies with a selected result, where studies are compared and there are more; else None."""
+    if selection.study is not None or not selection.by_study:
+        return None
+    there = exists().where(Result.study_id == Study.id, *selected(selection.filters, None))
+    found = session.scalars(select(Study.id).where(there).order_by(Study.id.desc()).limit(MAX_STUDIES + 1)).all()
+    return None if len(found) <= MAX_STUDIES else list(found[:MAX_STUDIES])
+
+
+def _read_groups(
+    session: Session, database: Database, selection: Selection, studies: Sequence[int] | None
+) -> tuple[list[Group], StoredRows]:
+    """The selected results by set-up, and by study where studies are compared; of some studies alone where given."""
+    within = selected({}, selection.study)
+    if studies is not None:
+        within.append(or_(Result.study_id.in_(studies), Result.study_id.is_(None)))
+    setups = setups_of(database)
+    if within or selection.by_study:
+        found = _count(session, setups, within, by_study=selection.by_study)
+    else:
+        # Results are only ever added: as many, up to the same one, are the same ones.
+        stamp = tuple(session.execute(select(func.count(), func.max(Result.id)).select_from(Result)).one())
+        found = setups.remembered(stamp, lambda: _count(session, setups, within, by_study=False))
+    # The filters are of the set-ups, which are in memory.
+    chosen = [(PLACE[COLUMN_OF.get(name, name)], set(values)) for name, values in selection.filters.items()]
+    if chosen:
+        found = [pair for pair in found if all(pair[1].texts[place] in values for place, values in chosen)]
+    groups = [group for _, group in found]
+    count, newest = sum(group.results for group in groups), max((group.latest for group in groups), default=0)
+    fields = setups.fields({setup for setup, _ in found})
+    conditions = [*selected(selection.filters, None), *within]
+    return groups, StoredRows(database, conditions, count, newest, fields)
+
+
+def _count(session: Session, setups: SetupCache, within: Sequence[Any], *, by_study: bool) -> list[tuple[int, Group]]:
+    """The results within some conditions, by set-up and perhaps study; the query reads an index alone."""
+    keys = (Result.setup_id, Result.study_id) if by_study else (Result.setup_id,)
+    study = Result.study_id if by_study else null()
+    query = select(Result.setup_id, study, func.count(), func.max(Result.id)).where(*within).group_by(*keys)
+    rows = session.execute(query).all()
+    texts = setups.texts(session, {setup for setup, *_ in rows})
+    return [(setup, Group(texts[setup], number, count, latest)) for setup, number, count, latest in rows]
 
 
 def _read_filter(name: str, values: Sequence[str]) -> tuple[str, ...]:

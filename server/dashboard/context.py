@@ -41,16 +41,10 @@ def comparison_context(
         "charts": [Option(key, _CHART_LABELS[key], key == selection.chart) for key in CHARTS],
         "studies": [Option(str(key), f"{key}: {name}", key == selection.study) for key, name in studies],
         "filters": _filters(known, selection),
-        "environments": environments(table),
+        "environments": table.environments,
         "row_heads": [list(key) for key in table.row_keys],
         "column_heads": [(label(key), _sort_link(selection, label(key))) for key in table.column_keys],
     }
-
-
-def environments(table: Comparison) -> list[str]:
-    """The devices that the results come from, driver included, each once."""
-    texts = (f"{row.get('device_name') or row.get('device_id')}, {row.get('device_driver')}" for row in table.flat)
-    return list(dict.fromkeys(texts))
 
 
 _CHART_LABELS = {"speed": "the metric, with intervals", "error": "speed against error"}

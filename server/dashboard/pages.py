@@ -26,7 +26,7 @@ from server.store.defaults import LLVMPIPE
 from server.store.models import Device, Job, Study
 from server.store.states import OPEN
 from server.studies import STUDIES
-from server.views import find_job, find_study, job_line, job_view, study_view
+from server.views import find_job, find_study, job_line, job_lines, job_view, study_lines, study_view
 
 router = APIRouter(include_in_schema=False)
 SHOWN = 50
@@ -56,8 +56,8 @@ def studies_page(request: Request) -> Response:
     """The latest studies, and the latest jobs."""
     with database_of(request).reading() as session:
         studies = session.scalars(select(Study).order_by(Study.id.desc()).limit(SHOWN)).all()
-        jobs = session.scalars(select(Job).order_by(Job.id.desc()).limit(SHOWN)).all()
-        context = {"studies": [study_view(session, s) for s in studies], "jobs": [job_line(job) for job in jobs]}
+        jobs = session.scalars(job_lines().order_by(Job.id.desc()).limit(SHOWN)).all()
+        context = {"studies": study_lines(session, studies), "jobs": [job_line(job) for job in jobs]}
     return _page(request, "studies.html", context)
 
 

@@ -11,7 +11,9 @@ from sqlalchemy.orm import Session
 
 from renderer.request import Request
 from renderer.variant import AXES
-from server.store.models import LLVMPIPE, NORMAL_PRIORITY, Change, Job, Result, Slice, Study, now
+from server.store.defaults import LLVMPIPE, NORMAL_PRIORITY
+from server.store.models import Change, Job, Result, Slice, Study, now
+from server.store.setups import facts_of, require_setup
 from server.store.states import State
 
 
@@ -62,11 +64,17 @@ def change_state(session: Session, job: Job, state: State, reason: str | None = 
 def add_result(session: Session, job: Job, document: dict[str, Any]) -> Result:
     """Record a job's result; figures that are no numbers (NaN, infinity) were not measured and become null."""
     clean = without_nan(document)
-    device = clean.get("device") or {}
-    axes = {axis: str(clean.get(axis)) for axis in AXES}
-    result = Result(job_id=job.id, scene=str(clean["scene"]), device=str(device.get("id")), document=clean, **axes)
+    setup = require_setup(session, facts_of(clean))
+    result = Result(job_id=job.id, study_id=job.study_id, setup_id=setup, **result_columns(clean))
     session.add(result)
     return result
+
+
+def result_columns(document: dict[str, Any]) -> dict[str, Any]:
+    """The document and the columns that are copied from it."""
+    device = document.get("device") or {}
+    axes = {axis: str(document.get(axis)) for axis in AXES}
+    return {"scene": str(document["scene"]), "device": str(device.get("id")), "document": document, **axes}
 
 
 def without_nan(value: Any) -> Any:
