@@ -67,8 +67,11 @@ def settle(database: Database, durable: Durable) -> int:
             return 0
     void: list[str | None] = []
     with database.writing() as session:
-        # In the order of ids, which is that of submission and of rounds.
-        found = session.scalars(_unsettled().order_by(Slice.id).with_for_update(skip_locked=True, of=Job)).all()
+        # In the order of ids, which is that of submission and of rounds. Rows that are locked are read as they are now:
+        # a slice that was claimed since this statement began is not taken for an idle one.
+        found = session.scalars(
+            _unsettled().order_by(Slice.id).with_for_update(skip_locked=True, of=(Job, Slice))
+        ).all()
         for part in found:
             target = _target(session, part.job.device)
             if target is None and part.state == "queued":

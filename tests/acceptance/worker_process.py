@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import sys
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 from renderer.child import AsyncSay
@@ -34,6 +35,11 @@ def main() -> int:
         lease_s=float(sys.argv[3]),
         poll_s=0.05,
     )
+    return run_until_told(worker, told)
+
+
+def run_until_told(worker: Worker, told: Event) -> int:
+    """Run a worker until `told` is set or it is given up; return the process's exit code."""
     worker.start()
     while not told.wait(0.02) and not worker.given_up:
         pass

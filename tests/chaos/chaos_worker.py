@@ -10,11 +10,11 @@ from typing import Any
 sys.path.append(str(Path(__file__).parents[1] / "acceptance"))
 
 from service_fakes import document
+from worker_process import run_until_told
 
 from renderer.child import AsyncSay, run_child_async
 from renderer.process import end_with_parent
 from renderer.request import Request
-from server.cli_service import GIVEN_UP
 from server.processes import signalled
 from server.queue.durable import Durable
 from server.queue.ledger import Claim
@@ -40,12 +40,7 @@ def main(url: str, log: str, lease_s: float, parent: int) -> int:
         return document(request, measurements[0]["speed"])
 
     worker = Worker(database, Durable(database), run_slice, combine, host=HOST, lease_s=lease_s, poll_s=0.1)
-    worker.start()
-    while not told.wait(0.1) and not worker.given_up:
-        pass
-    given_up = worker.given_up
-    worker.stop()
-    return GIVEN_UP if given_up else 0
+    return run_until_told(worker, told)
 
 
 if __name__ == "__main__":
