@@ -299,7 +299,9 @@ def test_what_is_over_is_forgotten_by_the_queue_but_not_by_the_store(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     done = service.post("jobs", scene="cornell-box", frames=2, rounds=2)
-    service.work()
+    with service.working() as worker:
+        wait_for(worker.is_idle)
+        wait_for(lambda: service.durable.held_by(worker.name) == [])
     queued = service.post("jobs", scene="cornell-box", frames=1)
     past, future = now() - timedelta(hours=1), now() + timedelta(hours=1)
     assert service.durable.forget_before(past) == 0
