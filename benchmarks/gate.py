@@ -12,8 +12,8 @@ from typing import Any
 from renderer.bench import Result, run_jobs
 from renderer.difference import share_interval
 from renderer.request import Request
-from server.cli_alarms import show_alarms
-from server.differences import DEFAULT_GATE, Pair, pair_of
+from server.cli.alarms import show_alarms
+from server.comparison.differences import DEFAULT_GATE, Pair, pair_of
 
 SCENE, SIZE, LARGER, FRAMES = "cornell-box", (64, 64), (64, 71), 9
 

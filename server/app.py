@@ -9,10 +9,17 @@ from fastapi import FastAPI, Request
 from fastapi.responses import Response
 from sqlalchemy.exc import SQLAlchemyError
 
-from server import api, api_compare, api_devices, api_difference, api_events, api_profiles, problems
+from server import problems
+from server.api import compare as api_compare
+from server.api import devices as api_devices
+from server.api import difference as api_difference
+from server.api import events as api_events
+from server.api import jobs as api
+from server.api import profiles as api_profiles
+from server.api.state import database_of
 from server.dashboard import pages
-from server.feed import Feed
 from server.guard import Guard
+from server.live.feed import Feed
 from server.problems import Problem
 from server.queue.care import caring
 from server.queue.durable import Durable
@@ -59,7 +66,7 @@ def create_app(settings: Settings) -> FastAPI:
     def readyz(request: Request) -> Response:
         """The database answers."""
         try:
-            api.database_of(request).check()
+            database_of(request).check()
         except SQLAlchemyError as error:
             raise Problem(503, "The database does not answer.") from error
         return Response("ok\n", media_type="text/plain")

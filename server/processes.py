@@ -27,7 +27,7 @@ def start_verb(*words: str) -> subprocess.Popen[bytes]:
 
     It has a session of its own: an interrupt from the keyboard reaches this process alone, which then ends the child.
     """
-    command = [sys.executable, "-m", "server.cli", *words, "--parent", str(os.getpid())]
+    command = [sys.executable, "-m", "server.cli.app", *words, "--parent", str(os.getpid())]
     return subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
 
 

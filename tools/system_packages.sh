@@ -10,6 +10,7 @@ library libEGL.so.1 || wanted+=(libegl1)
 library libGL.so.1 || wanted+=(libgl1)
 compgen -G "/usr/share/glvnd/egl_vendor.d/*" >/dev/null || wanted+=(libegl-mesa0)
 compgen -G "/usr/lib/*/dri/swrast_dri.so" >/dev/null || library libgallium || wanted+=(libgl1-mesa-dri)
+program glslangValidator || wanted+=(glslang-tools)
 python3 -c "import ensurepip, venv" 2>/dev/null || wanted+=(python3-venv)
 case "${1:-run}" in agent | test)
     program javac || wanted+=(default-jdk-headless)
@@ -23,7 +24,6 @@ if [ "${1:-run}" = test ]; then
     program setpriv || wanted+=(util-linux)
     program pgrep || wanted+=(procps)
     program initdb || compgen -G "/usr/lib/postgresql/*/bin/initdb" >/dev/null || wanted+=(postgresql)
-    program glslangValidator || wanted+=(glslang-tools)
     if ! program chromium && ! program google-chrome; then wanted+=(chromium chromium-driver); fi
 fi
 [ "${#wanted[@]}" -gt 0 ] || exit 0

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from server.compare import Cell, Comparison
-from server.figures import write_figure, write_interval, write_value
-from server.metrics import METRICS, Figure, Metric
+from server.comparison.figures import write_figure, write_interval, write_value
+from server.comparison.metrics import METRICS, Figure, Metric
+from server.comparison.pivot import Cell, Comparison
 
 SHOWN = {
     "mrays_per_s": "speed",

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from renderer.variant import AXES
-from server.compare import DIMENSIONS, Comparison, label
+from server.comparison.metrics import METRICS
+from server.comparison.pivot import DIMENSIONS, Comparison, label
+from server.comparison.selection import CHARTS, Selection
 from server.dashboard.cells import view_cells
-from server.metrics import METRICS
-from server.selection import CHARTS, Selection
 from server.store.models import FILTERS
 
 LAYOUTS = ("traversal", "method", "layout", "traversal,method", "traversal,layout", "traversal,method,layout", "scene")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from server.figures import NOT_MEASURED
+from server.comparison.figures import NOT_MEASURED
 
 Field = tuple[str, str, bool]
 

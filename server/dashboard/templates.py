@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+from fastapi import Request
+from fastapi.responses import Response
 from fastapi.templating import Jinja2Templates
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -18,3 +21,8 @@ TEMPLATES = Jinja2Templates(
         lstrip_blocks=True,
     )
 )
+
+
+def render(request: Request, name: str, context: dict[str, Any]) -> Response:
+    """A page; its address tells the template which of the pages' links is the current one."""
+    return TEMPLATES.TemplateResponse(request, name, {**context, "path": request.url.path})

@@ -10,6 +10,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from server.api.views import MAX_ID, find_job
 from server.problems import Problem
 from server.profiles.paper import paper_figures
 from server.profiles.reader import Imported, read_profile
@@ -17,7 +18,6 @@ from server.profiles.summary import Summary
 from server.store.blobs import Blobs, Incoming
 from server.store.database import Database
 from server.store.models import Job, Profile, ProfileMetric
-from server.views import MAX_ID, find_job
 
 MAX_FILE_NAME = 200
 UNNAMED = "profile.csv"

@@ -11,7 +11,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
 from renderer.variant import AXES
-from server.flat import COLUMNS, flatten_document
+from server.comparison.flat import COLUMNS, flatten_document
 from server.store.models import Setup
 
 SETUP = (

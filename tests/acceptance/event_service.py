@@ -13,7 +13,7 @@ import httpx
 
 from renderer.request import Request
 from renderer.variant import Variant
-from server.feed import Feed
+from server.live.feed import Feed
 from server.service import Server, address, listen, make_server
 from server.settings import Settings
 from server.store.database import Database

@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from server import cli
-from server.cli_plan import plan_here, slow_warning
+from server.cli import app as cli
+from server.cli.plan import plan_here, slow_warning
 from server.studies import Study
 
 Json = dict[str, Any]
@@ -81,7 +81,7 @@ class Ran:
 def rayfarm(*words: str, folder: Path | None = None, environment: Mapping[str, str] | None = None) -> Ran:
     """Run the command in a process of its own."""
     done = subprocess.run(
-        [sys.executable, "-m", "server.cli", *words],
+        [sys.executable, "-m", "server.cli.app", *words],
         capture_output=True,
         text=True,
         timeout=300,

@@ -14,13 +14,13 @@ from service_fakes import Service, running_service
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from server import cli
+from server.cli import app as cli
 
 HEAVY = ("dbos", "fastapi", "numba", "numpy", "pandas", "sqlalchemy", "trimesh")
 
 PROGRAM = """
 import json, sys
-from server.cli import run
+from server.cli.app import run
 code = run(sys.argv[1:])
 print(json.dumps({"code": code, "modules": sorted(sys.modules)}), file=sys.stderr)
 """

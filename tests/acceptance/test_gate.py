@@ -12,7 +12,7 @@ from service_fakes import Service, document, running_service, wait_for
 
 from renderer.request import Request
 from renderer.variant import Variant
-from server import cli
+from server.cli import app as cli
 
 ROUNDS = 10
 TIMES = {"bvh-stack": 10.0, "kd-backtrack": 11.5, "bvh-parent-link": 10.0}

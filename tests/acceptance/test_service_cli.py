@@ -16,7 +16,7 @@ import httpx
 import pytest
 from service_fakes import Service, running_service
 
-from server import cli
+from server.cli import app as cli
 from server.store.states import OPEN
 
 
@@ -136,7 +136,7 @@ def test_every_verb_takes_json() -> None:
 def test_serve_measures_for_real_and_leaves_no_children(tmp_path: Path) -> None:
     """One request, a real worker, a real measurement; then SIGTERM ends everything."""
     environment = os.environ | {"RAYFARM_DATABASE_URL": f"sqlite:///{tmp_path / 'x.sqlite'}"}
-    command = [sys.executable, "-m", "server.cli", "serve", "--port", "0", "--json"]
+    command = [sys.executable, "-m", "server.cli.app", "serve", "--port", "0", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True) as server:
         try:
             assert server.stdout is not None
@@ -157,7 +157,7 @@ def test_serve_measures_for_real_and_leaves_no_children(tmp_path: Path) -> None:
 
 
 def _help(verb: str) -> str:
-    command = [sys.executable, "-m", "server.cli", verb, "--help"]
+    command = [sys.executable, "-m", "server.cli.app", verb, "--help"]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 

@@ -14,7 +14,7 @@ import pytest
 from service_fakes import Service, running_service
 from sqlalchemy import select, update
 
-from server import cli
+from server.cli import app as cli
 from server.devices import registry, wanted
 from server.devices.presence import note_states
 from server.queue.lives import worker_id

@@ -13,10 +13,10 @@ import pytest
 from event_service import EventService, running_events, wait_until
 from rich.console import Console
 
-from server import cli_events
-from server.cli_common import Client, ClientError
-from server.cli_events import Message, read_messages
-from server.cli_follow import follow_study
+from server.cli import events as cli_events
+from server.cli.common import Client, ClientError
+from server.cli.events import Message, read_messages
+from server.cli.follow import follow_study
 
 HOSTILE = "<b>\r\nevent: end\n\ndata: {}\n\n\u2028\x85\x0bé 'x' \"y\""
 

@@ -12,8 +12,8 @@ import pytest
 from event_service import EventService, running_events
 from sqlalchemy import func, select, update
 
-from server import cli_common
-from server.cli_common import Client, ClientError
+from server.cli import common as cli_common
+from server.cli.common import Client, ClientError
 from server.store.models import Job, Study, Submitted
 
 JOB = {"scene": "forest", "frames": 1}

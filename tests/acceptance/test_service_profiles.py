@@ -16,7 +16,7 @@ import pytest
 from service_fakes import Service, running_service
 from sqlalchemy import func, select
 
-from server import cli
+from server.cli import app as cli
 from server.store.models import Profile, ProfileMetric
 
 FreshDatabase = Callable[..., AbstractContextManager[str]]

@@ -19,7 +19,7 @@ from sqlalchemy import select, update
 from renderer.child import AsyncSay, ChildError
 from renderer.host import DeviceGoneError
 from renderer.request import Request
-from server.cli_service import GIVEN_UP
+from server.cli.service import GIVEN_UP
 from server.devices.registry import PHONE
 from server.queue import care, dispatch, ledger, lives
 from server.queue.dispatch import put_slices

@@ -9,7 +9,7 @@ from threading import Event
 from typing import Any
 
 from renderer.child import AsyncSay
-from server.cli_service import GIVEN_UP
+from server.cli.service import GIVEN_UP
 from server.processes import signalled
 from server.queue.durable import Durable
 from server.queue.ledger import Claim

@@ -19,7 +19,7 @@ import httpx
 import pytest
 from sqlalchemy import func, select
 
-from server.cli_service import GIVEN_UP
+from server.cli.service import GIVEN_UP
 from server.devices.registry import TWIN
 from server.service import address, listen
 from server.store.database import Database
@@ -78,7 +78,7 @@ class Farm:
     kills: Counter[str] = field(default_factory=Counter)
 
     def start(self, name: str) -> None:
-        words = ["-m", "server.cli", "serve", "--no-worker", "--port", str(self.port)]
+        words = ["-m", "server.cli.app", "serve", "--no-worker", "--port", str(self.port)]
         if name != "server":
             words = [str(HERE / "chaos_worker.py"), self.url, str(self.log), str(LEASE_S), str(os.getpid())]
         path = os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])

@@ -103,7 +103,7 @@ def farming(adb: AdbServer, phones: tuple[StandInPhone, ...], folder: Path) -> I
         "RAYFARM_SLICE_TIMEOUT_S": str(SLICE_TIMEOUT_S),
         "RAYFARM_WORKER_HOST": "farm",
     }
-    command = [sys.executable, "-m", "server.cli", "serve", "--port", "0", "--json"]
+    command = [sys.executable, "-m", "server.cli.app", "serve", "--port", "0", "--json"]
     with ExitStack() as stack:
         log = stack.enter_context((folder / "serve.log").open("w"))
         serving = subprocess.Popen(

@@ -254,5 +254,5 @@ def test_bench_refuses_what_is_no_phone(option: str) -> None:
 
 
 def bench(*options: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "server.cli", "bench", "cornell-box", "--size=32", "--frames=1", *options]
+    command = [sys.executable, "-m", "server.cli.app", "bench", "cornell-box", "--size=32", "--frames=1", *options]
     return subprocess.run(command, capture_output=True, text=True, check=False)

@@ -14,7 +14,7 @@ import pytest
 from agent_android.standin.adb_server import AdbServer
 from agent_android.standin.phone import StandInPhone
 from phones.standin_helpers import wait_until
-from server import cli_devices
+from server.cli import devices as cli_devices
 from server.devices.adb import PhoneError
 from server.devices.agent_package import find_agent
 from server.devices.tracker import Tracker

@@ -29,8 +29,8 @@ from phones.farm import (
     was_retried,
 )
 from phones.standin_helpers import wait_until
-from server import cli
-from server.flat import FORMULA
+from server.cli import app as cli
+from server.comparison.flat import FORMULA
 from server.slices import AGENT_SHARE
 from server.store.states import OPEN
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from server.compare import CompareError, compare, read_dimensions
+from server.comparison.flat import COLUMNS, Stored, flatten, to_csv, to_frame
+from server.comparison.metrics import METRICS
+from server.comparison.pivot import CompareError, compare, read_dimensions
 from server.dashboard.cells import view_cells
-from server.flat import COLUMNS, Stored, flatten, to_csv, to_frame
-from server.metrics import METRICS
 
 SPEED = METRICS["mrays_per_s"]
 

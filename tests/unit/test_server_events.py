@@ -16,10 +16,10 @@ from sqlalchemy import select
 
 from renderer.request import Request
 from renderer.variant import Variant
-from server import feed as feed_module
-from server.events import Event, Topic, end_of, read_events
-from server.feed import Feed
-from server.settling import Settling
+from server.live import feed as feed_module
+from server.live.events import Event, Topic, end_of, read_events
+from server.live.feed import Feed
+from server.live.settling import Settling
 from server.store.database import Database
 from server.store.models import Change, Job, Study
 from server.store.records import Order, add_jobs, add_study, change_state

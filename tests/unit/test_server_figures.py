@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from server.figures import NOT_MEASURED, write_figure, write_interval, write_value
-from server.metrics import METRICS, Figure, MetricError, read_figure, require_metric
+from server.comparison.figures import NOT_MEASURED, write_figure, write_interval, write_value
+from server.comparison.metrics import METRICS, Figure, MetricError, read_figure, require_metric
 
 SPEED, SIZE, ERROR = METRICS["mrays_per_s"], METRICS["structure_bytes"], METRICS["error_total"]
 

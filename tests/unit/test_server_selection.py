@@ -16,10 +16,10 @@ from starlette.datastructures import QueryParams
 
 from renderer.request import Request
 from renderer.variant import Variant
-from server import selection
-from server.compare import Comparison, compare
-from server.flat import COLUMNS, Stored, csv_lines, flatten
-from server.selection import known_values, load_comparison, load_rows, read_selection
+from server.comparison import selection
+from server.comparison.flat import COLUMNS, Stored, csv_lines, flatten
+from server.comparison.pivot import Comparison, compare
+from server.comparison.selection import known_values, load_comparison, load_rows, read_selection
 from server.store.database import MIGRATIONS, Database
 from server.store.engines import make_engine, writing_engine
 from server.store.models import Job, Result, Setup
