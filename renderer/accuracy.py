@@ -1,33 +1,39 @@
 """The error of a run: hit records against the oracle, and the referee's verdict wherever the two disagree.
 
-Two hits are the same when they name the same primitive, or when the ray meets both primitives (within the float32
-bound of their edges) at values of t that float32 cannot tell apart: shared edges and coincident surfaces are ties.
-What is left is an edge case when float32 could have decided either way, that is when the primitive that we report is
-hit within the bound (see `renderer.referee`; the ends of the ray's interval count as edges too) and nothing that
-float32 must find lies in front of it. Otherwise it is a false hit, a false miss or a wrong primitive. Where the oracle
-agrees with us the referee is not asked.
+`renderer.court` says what is the same hit and what an error is called. Where the oracle agrees with us the referee is
+not asked.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer import referee
 from renderer.build.tree import Bvh
+from renderer.court import (
+    AGREE,
+    EDGE,
+    EMBREE,
+    FALSE_HIT,
+    FALSE_MISS,
+    WRONG_PRIMITIVE,
+    Court,
+    Kinds,
+    hits_of,
+    raw_kinds,
+    settle,
+    ties,
+)
 from renderer.oracle import Oracle
-from renderer.records import Flags, Floats, Hits, Ints, Rays, Records
+from renderer.records import Flags, Floats, Hits, Rays, Records
 from renderer.referee import Verdict
-from renderer.request import Check
-
-Kinds = npt.NDArray[np.int8]
-
-TIE = 2.0**-10
-"""The largest relative distance in t of a tie, however grazing the triangles are."""
-
-AGREE, FALSE_HIT, FALSE_MISS, WRONG_PRIMITIVE, EDGE = range(5)
+from renderer.request import CHECKS, Check
+from renderer.shadow_start import judge_starts
+from scenes.scene import Point
 
 
 @dataclass(frozen=True)
@@ -35,10 +41,13 @@ class Errors:
     """The error of a run; None is what was not measured, for instance everything with check "none".
 
     `false_hit`, `false_miss`, `edge`, `wrong_primitive`, and for a hybrid plan `raster_mismatch` (hit or miss against
-    the rays), are fractions of the primary rays; `shadow_mismatch` and `shadow_edge` of the shadow rays. `t_rel_p99`,
+    the rays), are fractions of the primary rays; `shadow_mismatch` and `shadow_edge` of the shadow rays, and so are
+    `shadow_self_hit` and `shadow_leak`, which `renderer.shadow_start` tells beside the exact rays. `t_rel_p99`,
     `t_rel_max` and `t_ulp_max` (float32 ulps) compare t with the float64 t of the same primitive's plane along the
-    same ray. `flip` is an image's figure and not filled in here. `counts` are the numbers of rays behind the
-    fractions, with `embree_wrong` and `shadow_embree_wrong`: disagreements in which the referee sided with us.
+    same ray. `flip` and `psnr` (dB) are the picture's figures and not filled in here. `counts` are the numbers of
+    rays behind the fractions, and who was wrong where the oracle and we disagreed on more than a tie: `embree_wrong`
+    (of those `embree_edge` where float32 may err), `ours_wrong`, `both_wrong`; `shadow_embree_wrong`,
+    `shadow_ours_wrong`.
     """
 
     false_hit: float | None = None
@@ -50,8 +59,11 @@ class Errors:
     t_ulp_max: float | None = None
     shadow_mismatch: float | None = None
     shadow_edge: float | None = None
+    shadow_self_hit: float | None = None
+    shadow_leak: float | None = None
     raster_mismatch: float | None = None
     flip: float | None = None
+    psnr: float | None = None
     counts: dict[str, int] = field(default_factory=dict)
 
 
@@ -77,24 +89,36 @@ class Difference:
         return not self.first
 
 
-def judge(triangles: Floats, records: Records, oracle: Oracle | None, bvh: Bvh | None, check: Check) -> Errors:
+def judge(
+    triangles: Floats,
+    records: Records,
+    oracle: Oracle | None,
+    bvh: Bvh | None,
+    check: Check,
+    intersector: str = "moller-trumbore",
+    lights: Sequence[Point] | None = None,
+) -> Errors:
     """Judge `records` of a scene with `triangles` (m, 3, 3) float32.
 
     "oracle" counts raw disagreements and leaves `edge` None; "referee" settles them in float64, along `bvh` or, without
-    one, against every triangle. With "referee" the oracle may be None: then the referee is asked for every ray.
+    one, against every triangle, and so does "image". Then the oracle may be None: the referee is asked for every ray.
+    `intersector` is the test that made the records: its float32 bound says what is an edge. Where shadow rays start is
+    judged by the referee alone, if `lights` says where they go, and not where a rasteriser found the surface.
     """
     if check == "none":
         return Errors()
-    if check not in ("oracle", "referee"):
-        raise ValueError(f'Check "{check}" is unknown; choose none, oracle or referee.')
+    if check not in CHECKS:
+        raise ValueError(f'Check "{check}" is unknown; choose one of {", ".join(CHECKS)}.')
     if oracle is None and check == "oracle":
         raise ValueError('Check "oracle" needs an oracle; give one, or choose referee.')
     if len(triangles) <= int(records.hits.primitive.max(initial=-1)):
         raise ValueError("A hit names a triangle that the scene has not; judge records with their own scene.")
-    court = _Court(triangles, oracle, bvh, check == "referee")
+    court = Court(triangles, oracle, bvh, check != "oracle", intersector)
     figures, counts = _raster(court, records) if records.rasterised else _primary(court, records)
     shadow_figures, shadow_counts = _shadow(court, records)
-    return Errors(**figures, **shadow_figures, counts=counts | shadow_counts)
+    start_figures, start_counts = _starts(court, records, lights)
+    counts |= shadow_counts | start_counts
+    return Errors(**figures, **shadow_figures, **start_figures, counts=counts)
 
 
 def identical(a: Records, b: Records) -> Difference:
@@ -113,22 +137,12 @@ def identical(a: Records, b: Records) -> Difference:
     return Difference(**{name: len(where) for name, where in pixels.items()}, first=first)
 
 
-@dataclass(frozen=True, eq=False)
-class _Court:
-    """Who judges, and over which triangles."""
-
-    triangles: Floats
-    oracle: Oracle | None
-    bvh: Bvh | None
-    referee: bool
-
-
 _Figures = tuple[dict[str, float | None], dict[str, int]]
 
 
-def _primary(court: _Court, records: Records) -> _Figures:
+def _primary(court: Court, records: Records) -> _Figures:
     rays, hits = records.primary, records.hits
-    kinds, embree_wrong = _kinds(court, rays, hits)
+    kinds, settled = _kinds(court, rays, hits)
     counts = {
         "primary": len(rays),
         "hits": int((hits.primitive >= 0).sum()),
@@ -137,62 +151,39 @@ def _primary(court: _Court, records: Records) -> _Figures:
         "wrong_primitive": int((kinds == WRONG_PRIMITIVE).sum()),
     }
     if court.referee:
-        counts["edge"] = int((kinds == EDGE).sum())
-        if court.oracle is not None:
-            counts["embree_wrong"] = embree_wrong
+        counts |= {"edge": int((kinds == EDGE).sum())} | settled
     names = ("false_hit", "false_miss", "wrong_primitive", "edge")
     figures = {name: _fraction(counts.get(name), len(rays)) for name in names}
     return figures | _t_errors(court.triangles, rays, hits), counts
 
 
-def _kinds(court: _Court, rays: Rays, hits: Hits) -> tuple[Kinds, int]:
-    """The kind of each ray's answer, (n,), and how often the referee sided with us against the oracle."""
-    mine = hits.primitive
+def _kinds(court: Court, rays: Rays, hits: Hits) -> tuple[Kinds, dict[str, int]]:
+    """The kind of each ray's answer, (n,), and for whom the referee settled the disagreements with the oracle."""
+    if court.oracle is None:
+        return settle(court, rays, hits, court.truth(rays), court.intersector), {}
     kinds = np.full(len(rays), AGREE, np.int8)
-    suspects = np.arange(len(rays))
-    if court.oracle is not None:
-        found = court.oracle.closest(rays)
-        suspects = np.flatnonzero(found.primitive != mine)
-        theirs = Verdict(found.t[suspects].astype(np.float64), found.primitive[suspects])
-        suspects = suspects[~_ties(court.triangles, rays[suspects], mine[suspects], theirs)]
-        kinds[suspects] = _raw_kinds(mine[suspects], found.primitive[suspects])
-    if court.referee:
-        kinds[suspects] = _settle(court, rays[suspects], Hits(hits.t[suspects], mine[suspects]))
-    return kinds, int((kinds[suspects] == AGREE).sum())
+    found = court.oracle.closest(rays)
+    suspects = np.flatnonzero(found.primitive != hits.primitive)
+    theirs = Verdict(found.t[suspects].astype(np.float64), found.primitive[suspects])
+    suspects = suspects[~ties(court, rays[suspects], hits.primitive[suspects], theirs, court.intersector)]
+    disputed, mine, embree = rays[suspects], hits_of(hits, suspects), hits_of(found, suspects)
+    if not court.referee:
+        kinds[suspects] = raw_kinds(mine.primitive, embree.primitive)
+        return kinds, {}
+    truth = court.truth(disputed)
+    kinds[suspects] = settle(court, disputed, mine, truth, court.intersector)
+    return kinds, _settled(kinds[suspects], settle(court, disputed, embree, truth, EMBREE))
 
 
-def _raw_kinds(mine: Ints, theirs: Ints) -> Kinds:
-    """What a disagreement with `theirs` is called, by who hit something."""
-    kinds = np.where(theirs < 0, FALSE_HIT, np.where(mine < 0, FALSE_MISS, WRONG_PRIMITIVE))
-    return np.where(mine == theirs, AGREE, kinds).astype(np.int8)
-
-
-def _ties(triangles: Floats, rays: Rays, mine: Ints, theirs: Verdict) -> Flags:
-    """Whether each ray meets both primitives, at the same t as far as float32 can tell."""
-    t = referee.plane_t(triangles, rays, mine)
-    room = referee.t_bound(triangles, rays, mine) + referee.t_bound(triangles, rays, theirs.primitive)
-    both = (mine >= 0) & (theirs.primitive >= 0)
-    met = referee.edge_margin(triangles, rays, mine) >= -1.0
-    near = np.zeros(len(rays), np.bool_)
-    near[both] = np.abs(t[both] - theirs.t[both]) <= np.minimum(room[both], TIE * theirs.t[both])
-    return both & met & near
-
-
-def _settle(court: _Court, rays: Rays, hits: Hits) -> Kinds:
-    """The referee's kinds for rays in dispute."""
-    triangles, mine = court.triangles, hits.primitive
-    truth = referee.closest(triangles, rays, court.bvh)
-    t, room = referee.plane_t(triangles, rays, mine), referee.t_bound(triangles, rays, mine)
-    reach = rays.reach.astype(np.float64)
-    inside = (t > -room) & (t - room <= reach)
-    plausible = (mine < 0) | ((referee.edge_margin(triangles, rays, mine) >= -1.0) & inside)
-    # Where float32 cannot tell the plane from parallel, the t that it found is all there is to go by.
-    ours = np.where(np.isfinite(room), t - room, hits.t)
-    limit = np.where(mine < 0, reach, ours)
-    missed = referee.any_hit(triangles, rays, court.bvh, grow=-1.0, limit=limit)
-    kinds = np.where(plausible & ~missed, EDGE, _raw_kinds(mine, truth.primitive))
-    agree = (mine == truth.primitive) | _ties(triangles, rays, mine, truth)
-    return np.where(agree, AGREE, kinds).astype(np.int8)
+def _settled(ours: Kinds, embree: Kinds) -> dict[str, int]:
+    """How many disagreements went against Embree, against us, and against both; two right answers are a tie."""
+    right, wrong = ours == AGREE, embree != AGREE
+    return {
+        "embree_wrong": int((right & wrong).sum()),
+        "embree_edge": int((right & (embree == EDGE)).sum()),
+        "ours_wrong": int((~right & ~wrong).sum()),
+        "both_wrong": int((~right & wrong).sum()),
+    }
 
 
 def _t_errors(triangles: Floats, rays: Rays, hits: Hits) -> dict[str, float | None]:
@@ -213,7 +204,7 @@ def _t_errors(triangles: Floats, rays: Rays, hits: Hits) -> dict[str, float | No
     }
 
 
-def _raster(court: _Court, records: Records) -> _Figures:
+def _raster(court: Court, records: Records) -> _Figures:
     """A rasteriser's visibility against the rays': only hit or miss can be compared."""
     rays, hit = records.primary, records.hits.primitive != -1
     truth = _visible(court, rays, hit)
@@ -222,31 +213,38 @@ def _raster(court: _Court, records: Records) -> _Figures:
     return {"raster_mismatch": _fraction(mismatches, len(rays))}, counts
 
 
-def _visible(court: _Court, rays: Rays, hit: Flags) -> Flags:
+def _visible(court: Court, rays: Rays, hit: Flags) -> Flags:
     """Whether each ray hits anything, by the oracle and, where it contradicts `hit`, the referee."""
     answer = court.oracle.closest(rays).primitive >= 0 if court.oracle is not None else ~hit
     suspects = np.flatnonzero(answer != hit)
     if court.referee:
-        answer[suspects] = referee.any_hit(court.triangles, rays[suspects], court.bvh)
+        answer[suspects] = court.occluded(rays[suspects])
     return answer
 
 
-def _shadow(court: _Court, records: Records) -> _Figures:
+def _shadow(court: Court, records: Records) -> _Figures:
     rays, mine = records.shadow, records.occluded
     answer = court.oracle.occluded(rays) if court.oracle is not None else ~mine
     suspects = np.flatnonzero(answer != mine)
     counts = {"shadow": len(rays), "shadow_mismatch": len(suspects)}
     if court.referee:
         disputed, ours = rays[suspects], mine[suspects]
-        wrong = referee.any_hit(court.triangles, disputed, court.bvh) != ours
+        wrong = court.occluded(disputed) != ours
+        rest, occluded = disputed[wrong], ours[wrong]
         # Occluded is within the bound if a grown triangle occludes; free, if no shrunk one does.
-        grow, shrink = (referee.any_hit(court.triangles, disputed, court.bvh, grow=g) for g in (1.0, -1.0))
-        edge = wrong & np.where(ours, grow, ~shrink)
-        counts["shadow_mismatch"], counts["shadow_edge"] = int((wrong & ~edge).sum()), int(edge.sum())
+        edge = np.where(occluded, court.occluded(rest, 1.0), ~court.occluded(rest, -1.0))
+        counts["shadow_mismatch"], counts["shadow_edge"] = int((~edge).sum()), int(edge.sum())
         if court.oracle is not None:
-            counts["shadow_embree_wrong"] = int((~wrong).sum())
+            counts |= {"shadow_embree_wrong": int((~wrong).sum()), "shadow_ours_wrong": int(wrong.sum())}
     names = ("shadow_mismatch", "shadow_edge")
     return {name: _fraction(counts.get(name), len(rays)) for name in names}, counts
+
+
+def _starts(court: Court, records: Records, lights: Sequence[Point] | None) -> _Figures:
+    if lights is None or not court.referee or records.rasterised:
+        return {}, {}
+    counts = {f"shadow_{name}": count for name, count in asdict(judge_starts(court, records, lights)).items()}
+    return {n: _fraction(counts[n], len(records.shadow)) for n in ("shadow_self_hit", "shadow_leak")}, counts
 
 
 def _fraction(count: int | None, total: int) -> float | None:

@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.build.grow import resized
-from renderer.build.jit import jit
 from renderer.build.radix import sort_keys, stable_order
 from renderer.build.refit import depth_of, fit_boxes, sah_cost
 from renderer.build.spatial import normalised, spatial_order
 from renderer.build.sweep import MEDIAN_LEAF, NO_SPLIT, Rules, median_split, sah_split
 from renderer.build.tree import MAX_BVH_LEAF, MAX_DEPTH, Bvh, Bytes, Floats, Ints, SahCosts
+from renderer.jit import jit
 
 Words = npt.NDArray[np.uint32]
 BvhMethod = Literal["sah", "median"]

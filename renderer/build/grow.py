@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.jit import jit
+from renderer.jit import jit
 
 Scalar = TypeVar("Scalar", np.float32, np.int32, np.uint32, np.uint8)
 

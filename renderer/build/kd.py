@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.build.grow import resized, resized_rows
-from renderer.build.jit import jit
 from renderer.build.kd_events import TRIANGLES, Lists, Spans, classify, root_lists, split_lists, with_room
 from renderer.build.kd_plane import best_plane
 from renderer.build.refit import depth_of, sah_cost
 from renderer.build.tree import KD_LEAF, MAX_DEPTH, Bytes, Floats, Ints, Kd, SahCosts
+from renderer.jit import jit
 
 
 class Nodes(NamedTuple):

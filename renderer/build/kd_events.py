@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.build.grow import resized, resized_columns
-from renderer.build.jit import jit
 from renderer.build.kd_plane import END, PLANAR, START
 from renderer.build.radix import sort_keys, stable_order
 from renderer.build.tree import Bytes, Floats, Ints
+from renderer.jit import jit
 
 Words = npt.NDArray[np.uint32]
 Spans = npt.NDArray[np.int64]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.jit import jit
 from renderer.build.tree import KD_LEAF, Floats
+from renderer.jit import jit
 
 Words = npt.NDArray[np.uint32]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.jit import jit
+from renderer.jit import jit
 
 Words = npt.NDArray[np.uint32]
 

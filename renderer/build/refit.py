@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.jit import jit
 from renderer.build.tree import Floats, Ints
+from renderer.jit import jit
 
 Flags = npt.NDArray[np.bool_]
 

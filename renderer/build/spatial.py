@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.jit import jit
 from renderer.build.radix import stable_order
 from renderer.build.tree import Floats
+from renderer.jit import jit
 
 Words = npt.NDArray[np.uint32]
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.jit import jit
+from renderer.jit import jit
 
 Floats = npt.NDArray[np.float32]
 Words = npt.NDArray[np.uint32]

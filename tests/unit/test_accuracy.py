@@ -253,7 +253,7 @@ def test_what_cannot_be_judged_is_refused() -> None:
     triangles, oracle, bvh, truth = ball()
     with pytest.raises(ValueError, match="needs an oracle"):
         judge(triangles, truth, None, bvh, "oracle")
-    with pytest.raises(ValueError, match="choose none, oracle or referee"):
+    with pytest.raises(ValueError, match="choose one of none, oracle, referee, image"):
         judge(triangles, truth, oracle, bvh, "embree")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="their own scene"):
         judge(triangles[:9], truth, oracle, bvh, "oracle")

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from renderer.build import api
-from renderer.build.cache import Kind, cache_folder
+from renderer.build.cache import Kind
 from renderer.build.tree import Bvh, Floats, Kd, SahCosts, Tree
+from renderer.kept import cache_folder
 
 SEED = 21
 
@@ -23,7 +24,7 @@ def triangles(number: int = 200) -> Floats:
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("RAYFARM_CACHE", str(tmp_path))
-    return cache_folder()
+    return cache_folder("trees")
 
 
 @pytest.fixture

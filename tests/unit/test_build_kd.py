@@ -6,7 +6,7 @@ import pytest
 from build_soups import SOUPS, Floats, lattice, soup
 
 from renderer.build.kd import build_kd
-from renderer.build.pad import PAD, padded
+from renderer.build.pad import pad_of, padded
 from renderer.build.tree import KD_LEAF, MAX_DEPTH, Kd, SahCosts
 
 COSTS = [SahCosts(), SahCosts(1.0, 1.0), SahCosts(0.0, 2.0), SahCosts(1.0, 0.0), SahCosts(1e6, 1.0)]
@@ -181,7 +181,7 @@ def test_the_depth_is_bounded_where_the_heuristic_would_go_deeper(bound: int) ->
 def test_padding_is_outward_and_never_less_than_asked(name: str) -> None:
     boxes = SOUPS[name]().astype(np.float64)
     wide = padded(SOUPS[name]()).astype(np.float64)
-    asked = PAD * np.abs(boxes).max()
+    asked = pad_of(SOUPS[name]())
     assert (boxes[:, 0] - wide[:, 0] >= asked).all()
     assert (wide[:, 1] - boxes[:, 1] >= asked).all()
     assert (wide[:, 0] < wide[:, 1]).all()

@@ -1,18 +1,15 @@
-"""The referee: analytic scenes, exact rationals, and the float32 bound that it states."""
+"""The referee on scenes whose answers are plain, and with a structure or without."""
 
 from __future__ import annotations
 
-from fractions import Fraction
-
 import numpy as np
-import numpy.typing as npt
 import pytest
 import trimesh
 
 from renderer import referee
 from renderer.build.bvh import build_bvh
 from renderer.build.tree import Bvh, SahCosts
-from renderer.records import Flags, Floats, Ints, Rays
+from renderer.records import Floats, Rays
 
 INF = np.float32(np.inf)
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
@@ -64,7 +61,7 @@ def test_one_ulp_outside_is_a_miss_within_the_bound() -> None:
 
 
 def test_shrinking_and_growing_move_an_edge_by_the_bound() -> None:
-    x = np.array([-1e-3, -1e-8, 1e-8, 1e-3], np.float32)
+    x = np.array([1 + 1e-3, 1 + 1.2e-7, 1 - 0.6e-7, 1 - 1e-3], np.float32)
     asked = rays(np.stack([x, np.full(4, 0.5), np.ones(4)], axis=1), DOWN)
     answers = [referee.any_hit(QUAD, asked, grow=grow).tolist() for grow in (-1.0, 0.0, 1.0)]
     assert answers == [[False, False, False, True], [False, False, True, True], [False, True, True, True]]
@@ -131,41 +128,6 @@ def test_a_closed_surface_has_no_holes_from_within(seed: int) -> None:
     assert np.all((np.linalg.norm(points, axis=1) > 0.98) & (np.linalg.norm(points, axis=1) < 1 + 1e-6))
 
 
-def exact_hit(triangle: Floats, o: Floats, d: Floats) -> Fraction | None:
-    """t by Cramer's rule in rationals, None for a miss."""
-    v = [[Fraction(float(x)) for x in corner] for corner in triangle]
-    ray, start = [Fraction(float(x)) for x in d], [Fraction(float(x)) for x in o]
-    e1, e2, s = ([p - q for p, q in zip(x, y, strict=True)] for x, y in ((v[1], v[0]), (v[2], v[0]), (start, v[0])))
-    det = triple(e1, ray, e2)
-    if det == 0:
-        return None
-    u, w, t = triple(s, ray, e2) / det, triple(ray, s, e1) / det, triple(e2, s, e1) / det
-    return t if u >= 0 and w >= 0 and u + w <= 1 and t > 0 else None
-
-
-def triple(a: list[Fraction], b: list[Fraction], c: list[Fraction]) -> Fraction:
-    cross = (b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0])
-    return a[0] * cross[0] + a[1] * cross[1] + a[2] * cross[2]
-
-
-@pytest.mark.parametrize("seed", [21, 22])
-def test_the_same_answers_as_rationals(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    soup = rng.normal(size=(40, 3, 3)).astype(np.float32)
-    asked = rays(rng.normal(size=(80, 3)) * 3, np.zeros(3))
-    # Half of the rays aim at a point of an edge, as near as float32 comes.
-    aim = np.where(np.arange(80)[:, None] % 2, rng.normal(size=(80, 3)), soup[np.arange(80) % 40, :2].mean(axis=1))
-    asked = rays(asked.origin, aim - asked.origin)
-    found = referee.closest(soup, asked)
-    for r in range(80):
-        ts = {i: exact_hit(soup[i], asked.origin[r], asked.direction[r]) for i in range(40)}
-        hits = {i: t for i, t in ts.items() if t is not None}
-        best = min(hits, key=lambda i: (hits[i], i), default=-1)
-        assert found.primitive[r] == best
-        if best >= 0:
-            assert abs(found.t[r] - float(hits[best])) <= 1e-13 * float(hits[best])
-
-
 @pytest.mark.parametrize("seed", [31, 32])
 @pytest.mark.parametrize("grow", [-1.0, 0.0, 1.0])
 def test_a_structure_changes_no_answer(seed: int, grow: float) -> None:
@@ -181,77 +143,3 @@ def test_a_structure_changes_no_answer(seed: int, grow: float) -> None:
     assert np.array_equal(plain.t, walked.t)
     assert np.array_equal(plain.primitive, walked.primitive)
     assert np.array_equal(referee.any_hit(soup, asked, grow=grow), referee.any_hit(soup, asked, bvh, grow=grow))
-
-
-def cross(a: Floats, b: Floats) -> Floats:
-    x, y, z = a.T
-    p, q, r = b.T
-    return np.stack([y * r - z * q, z * p - x * r, x * q - y * p], axis=1)
-
-
-def dot(a: Floats, b: Floats) -> Floats:
-    product: Floats = a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
-    return product
-
-
-def moller_trumbore(triangles: Floats, asked: Rays) -> tuple[Flags, Floats]:
-    """Float32 all the way, one triangle a ray: whether it is hit, and t."""
-    e1, e2 = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    p = cross(asked.direction, e2)
-    det = dot(e1, p)
-    s = asked.origin - triangles[:, 0]
-    q = cross(s, e1)
-    with np.errstate(all="ignore"):
-        inverse = np.float32(1) / det
-        u, v, t = dot(s, p) * inverse, dot(asked.direction, q) * inverse, dot(e2, q) * inverse
-        return (det != 0) & (u >= 0) & (v >= 0) & (u + v <= 1), t
-
-
-def aimed_at_edges(rng: np.random.Generator, shape: str, n: int) -> tuple[Floats, Rays]:
-    """n triangles and a ray for each, aimed a few float32 roundings beside a random point of a random edge."""
-    spread, away, offset, thin = {
-        "even": (1.0, 1.0, 0.0, 1.0),
-        "small": (0.01, 1.0, 0.0, 1.0),
-        "grazing": (10.0, 0.1, 0.0, 0.03),
-        "slivers": (1.0, 1.0, 0.0, 1e-3),
-        "far": (100.0, 1.0, 1e5, 1.0),
-    }[shape]
-    base = rng.normal(size=(n, 3)) * away + offset
-    along = rng.normal(size=(n, 3)) * spread
-    other = along * rng.random((n, 1)) * (thin < 1) + rng.normal(size=(n, 3)) * spread * thin
-    corners = np.stack([base, base + along, base + other], axis=1).astype(np.float32)
-    turn: Ints = rng.integers(0, 3, n).astype(np.int32)
-    corners = corners[np.arange(n)[:, None], (np.arange(3) + turn[:, None]) % 3]
-    origin = (base + rng.normal(size=(n, 3)) * away * 3).astype(np.float32)
-    edge, part = rng.integers(0, 3, n), rng.random((n, 1))
-    target = corners[np.arange(n), edge] * part + corners[np.arange(n), (edge + 1) % 3] * (1 - part)
-    way = target - origin
-    beside = rng.normal(size=(n, 3)) * np.linalg.norm(way, axis=1, keepdims=True) * 2.0**-24
-    return corners, rays(origin, way + beside)
-
-
-def ratios(shape: str, seed: int, n: int = 60_000) -> tuple[int, float, float]:
-    """Disagreements of float32 with the referee, and the worst edge and t error over their bounds."""
-    triangles, asked = aimed_at_edges(np.random.default_rng(seed), shape, n)
-    own: npt.NDArray[np.int32] = np.arange(n, dtype=np.int32)
-    hit, t = moller_trumbore(triangles, asked)
-    margin = referee.edge_margin(triangles, asked, own)
-    bound = referee.t_bound(triangles, asked, own)
-    differ = hit != (margin >= 0)
-    sound = np.isfinite(bound) & np.isfinite(t)
-    error = np.abs(t - referee.plane_t(triangles, asked, own))[sound] / bound[sound]
-    return int(differ.sum()), float(np.abs(margin[differ]).max()), float(error.max())
-
-
-@pytest.mark.parametrize("seed", [41, 42])
-def test_float32_stays_within_the_bound_which_is_not_too_wide(seed: int) -> None:
-    worst_edge = worst_t = 0.0
-    for shape in ("even", "small", "grazing", "slivers", "far"):
-        differ, edge, t = ratios(shape, seed)
-        print(f"{shape} seed {seed}: {differ} disagreements, worst edge {edge:.3f}, worst t {t:.3f} of the bound")
-        assert differ > 1000
-        assert edge <= 1
-        assert t <= 1
-        worst_edge, worst_t = max(worst_edge, edge), max(worst_t, t)
-    assert worst_edge >= 1 / 16
-    assert worst_t >= 1 / 16
