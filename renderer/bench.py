@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from renderer.child import ChildError, run_child
@@ -14,16 +15,19 @@ RunSlice = Callable[[Request, int], dict[str, Any]]
 
 _ERRORS = (
     "false_hit", "false_miss", "edge", "wrong_primitive", "t_rel_p99", "t_rel_max", "t_ulp_max", "shadow_mismatch",
-    "shadow_edge", "raster_mismatch", "flip",
+    "shadow_edge", "shadow_self_hit", "shadow_leak", "raster_mismatch", "flip", "psnr",
 )  # fmt: skip
 
 
-def run_slice(request: Request, round_index: int, timeout_s: float = 900.0) -> dict[str, Any]:
+def run_slice(
+    request: Request, round_index: int, timeout_s: float = 900.0, *, pictures: Path | None = None
+) -> dict[str, Any]:
     """Run one slice in a fresh child process and return its measurement; raise ChildError with the reason if it fails.
 
-    A slice may measure for `timeout_s` seconds; waiting for another measurement on this host does not count.
+    A slice may measure for `timeout_s` seconds; waiting for another measurement on this host does not count. The first
+    round's pictures go into the folder `pictures` (`renderer.pictures`).
     """
-    task = {"request": request.to_json(), "round": round_index}
+    task = {"request": request.to_json(), "round": round_index, "pictures": None if pictures is None else str(pictures)}
     return run_child("renderer.slice", task, request.threads, timeout_s)
 
 
@@ -96,8 +100,10 @@ def combine(request: Request, measurements: list[dict[str, Any]]) -> Result:
         "compile_ms": first["compile_s"] * 1e3,
         "per_ray": _per_ray(first["per_ray"]),
         "overflows": 0,
-        "error": {name: first["error"][name] for name in _ERRORS} | {"counts": first["error"]["counts"]},
+        "error": {name: first["error"].get(name) for name in _ERRORS} | {"counts": first["error"]["counts"]},
         "vs_embree": _versus(timed, cpu, embree),
+        "model": first.get("model"),
+        "pictures": first.get("pictures"),
         "specialised": first["specialised"] if request.specialise else None,
         "samples": [measurement["samples"] for measurement in measurements if measurement["samples"]],
         "load_average": max(measurement["load_average"] for measurement in measurements),

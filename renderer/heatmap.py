@@ -11,21 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from renderer.child import Json, Say, answer_task, run_child
+from renderer.counts import METRICS, Counts, count_pixels
 from renderer.instrumented import records_of
 from renderer.locks import holding, machine_lock
 from renderer.planner import in_passes
 from renderer.prepare import Prepared, prepare
-from renderer.records import COUNTERS, Records
 from renderer.request import Request, RequestError
 from renderer.twin_host import TwinHost
-
-Counts = npt.NDArray[np.int64]
-
-METRICS = {"nodes": "nodes fetched", "triangles": "triangles tested", "bytes": "bytes fetched"}
-"""What can be drawn, and how it is called."""
 
 
 def require_metric(name: str) -> str:
@@ -48,19 +42,6 @@ def heatmap(request: Request, metric: str = "nodes", timeout_s: float = 900.0) -
         run_child("renderer.heatmap", task, request.threads, timeout_s)
         counts: Counts = np.load(path)
         return counts
-
-
-def count_pixels(records: Records, rays: str, metric: str) -> Counts:
-    """Sum a counter of every pixel's rays, (h, w) int64, row 0 at the bottom."""
-    width, height = records.size
-    name, factor = ("words", 4) if metric == "bytes" else (metric, 1)
-    column = COUNTERS.index(name)
-    counts = np.zeros(width * height, np.int64)
-    if rays != "shadow":
-        counts += records.primary_counts[:, column]
-    if rays != "primary":
-        np.add.at(counts, records.shadow_pixel, records.shadow_counts[:, column].astype(np.int64))
-    return counts.reshape(height, width) * factor
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import selectors
+import signal
 import subprocess
 import sys
 import tempfile
@@ -25,6 +26,8 @@ _TAIL = 4096
 
 def main() -> None:
     """Read the order, run the child, relay what it says, and end it when it must end."""
+    # Ctrl-C in a terminal reaches the whole group of processes: the parent decides, and closes our input.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     order = _read_order()
     end_with_parent(order["parent"])
     with tempfile.TemporaryFile() as errors:

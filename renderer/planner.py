@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.tree import MAX_DEPTH, Bvh, Kd, Tree
-from renderer.glsl import flatten
-from renderer.pack.nodes import PackedNodes, pack_nodes
-from renderer.pack.primitives import PackedPrimitives, face_normals, pack_primitives, pack_raster
-from renderer.pack.schema import glsl
+from renderer.build.tree import MAX_DEPTH, Kd, Tree
+from renderer.pack.api import Packed
+from renderer.pack.primitives import pack_raster
 from renderer.plan import Buffer, Pass, Plan, Program, Texture, Uniform
 from renderer.request import Request
+from renderer.texts import Form, present_texts, raster_texts, trace_texts
 from renderer.variant import TRAVERSALS
 from renderer.view import View, view_of
 from scenes.scene import Scene
@@ -32,34 +31,28 @@ BASE_RECORD_BYTES = 64
 
 
 @dataclass(frozen=True, eq=False)
-class Packed:
-    """The buffers of one request: nodes and primitives, what shading needs of normals, and their sizes in bytes."""
+class Reads:
+    """Buffers that record reads (`shaders/common_reads.glsl`): `places`, and `words` words for what is read."""
 
-    nodes: PackedNodes | None
-    primitives: PackedPrimitives
-    normals: bool
-
-    @property
-    def structure_bytes(self) -> int:
-        """The bytes of nodes and triangle lists."""
-        return 0 if self.nodes is None else self.nodes.words.nbytes
+    places: npt.NDArray[np.uint32]
+    words: int
 
 
-def pack(scene: Scene, tree: Tree | None, request: Request) -> Packed:
-    """Lay out what the request's traversal, layout and shading read."""
-    variant = request.variant
-    corner_normals = _corner_normals(scene, request)
-    order = tree.order if isinstance(tree, Bvh) else None
-    return Packed(
-        None if tree is None else pack_nodes(tree, TRAVERSALS[variant.traversal].nodes),
-        pack_primitives(scene.triangles, corner_normals, order, variant.layout),
-        corner_normals is not None,
-    )
+def make_plan(
+    scene: Scene,
+    tree: Tree | None,
+    packed: Packed,
+    request: Request,
+    *,
+    instrument: bool = False,
+    reads: Reads | None = None,
+) -> Plan:
+    """The plan of a request.
 
-
-def make_plan(scene: Scene, tree: Tree | None, packed: Packed, request: Request, *, instrument: bool) -> Plan:
-    """The plan of a request; `instrument` adds counters, hit records and the rays as cast, and must not be timed."""
-    return _Planner(scene, tree, packed, request, instrument).plan()
+    `instrument` adds counters, hit records and the rays as cast. `reads` makes the timed plan record what it reads of
+    nodes and primitives, collected as the buffer `reads` from one tile that covers the image. Neither must be timed.
+    """
+    return _Planner(scene, tree, packed, request, instrument, reads).plan()
 
 
 def in_passes(scene: Scene, tree: Tree | None) -> bool:
@@ -72,27 +65,24 @@ def pass_triangles(scene: Scene) -> int:
     return LOOP_BUDGET // (1 + len(scene.lights))
 
 
-def _corner_normals(scene: Scene, request: Request) -> npt.NDArray[np.float32] | None:
-    """Normals for the primitive buffers: in the general form always, else if the rays' shading reads them."""
-    if not request.specialise:
-        if scene.normals is None:
-            flat = face_normals(scene.triangles).astype(np.float32)
-            return np.repeat(flat[:, None], 3, axis=1)
-        return scene.normals[scene.faces]
-    if scene.normals is None or request.variant.method == "hybrid":
-        return None
-    return scene.normals[scene.faces]
-
-
 class _Planner:
     """The parts of one plan, gathered; every method gives one part."""
 
-    def __init__(self, scene: Scene, tree: Tree | None, packed: Packed, request: Request, instrument: bool) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        tree: Tree | None,
+        packed: Packed,
+        request: Request,
+        instrument: bool,
+        reads: Reads | None,
+    ) -> None:
         self.scene = scene
         self.tree = tree
         self.packed = packed
         self.request = request
         self.instrument = instrument
+        self.reads = reads
         self.variant = request.variant
         self.hybrid = self.variant.method == "hybrid"
         self.kind = "compute" if self.variant.method == "compute" else "draw"
@@ -119,7 +109,7 @@ class _Planner:
 
     def _tile(self) -> tuple[int, int]:
         width, height = self.request.size
-        return (min(width, TILE), min(height, TILE))
+        return (width, height) if self.reads is not None else (min(width, TILE), min(height, TILE))
 
     # Passes
 
@@ -127,9 +117,8 @@ class _Planner:
         steps: list[Pass] = []
         programs: dict[str, Program] = {}
         for name, stages in self._steps():
-            defines = {**self._defines(), **dict.fromkeys(_STAGES, 0), **dict.fromkeys(stages.on, 1)}
             program = "trace-" + "-".join(stages.on).lower().replace("_", "-")
-            programs[program] = Program(program, self._texts(defines))
+            programs[program] = Program(program, trace_texts(self._form(), stages.on))
             steps.append(self._trace_pass(name, program, stages))
         before, after = self._raster_pass(programs), self._present_pass(programs)
         return [*before, *steps, *after], list(programs.values())
@@ -170,12 +159,17 @@ class _Planner:
             storage["0"] = "nodes"
         if self.packed.primitives.normals is not None:
             storage["2"] = "normals"
+        if self.packed.primitives.baked is not None:
+            storage["2"] = "baked"
         if any(stage.startswith("STATE_") for stage in stages.on):
             storage["3"] = "state"
         collect = None
         if self.instrument:
             storage["4"] = "records"
             collect = "records" if stages.last else None
+        if self.reads is not None:
+            storage |= {"5": "places", "6": "reads"}
+            collect = "reads" if stages.last else None
         first, last = stages.triangles
         uniforms: dict[str, Uniform] = {}
         if self.tree is None:
@@ -191,65 +185,36 @@ class _Planner:
     def _raster_pass(self, programs: dict[str, Program]) -> list[Pass]:
         if not self.hybrid:
             return []
-        vertex, fragment = (flatten({}, [name]) for name in ("render_raster.vert", "render_raster.frag"))
-        programs["raster"] = Program("raster", {"vertex": vertex, "fragment": fragment})
+        programs["raster"] = Program("raster", raster_texts())
         phase = "setup" if self.rays == "shadow" else "frame"
         return [Pass("raster", "raster", "raster", phase, target=["normal", "depth"], vertices="corners")]
 
     def _present_pass(self, programs: dict[str, Program]) -> list[Pass]:
         if self.kind != "compute":
             return []
-        vertex, fragment = (flatten({}, [name]) for name in ("render_screen.vert", "render_present.frag"))
-        programs["present"] = Program("present", {"vertex": vertex, "fragment": fragment})
+        programs["present"] = Program("present", present_texts())
         return [Pass("present", "draw", "present", textures={"canvas": "canvas"}, target=["image"])]
 
-    # Texts
-
-    def _defines(self) -> dict[str, int]:
+    def _form(self) -> Form:
         """What the texts of this plan are specialised on."""
-        depth = MAX_DEPTH if not self.request.specialise or self.tree is None else self.tree.depth
-        defines = {
-            "INSTRUMENT": int(self.instrument),
-            "LIGHTS": len(self.scene.lights),
-            "NORMALS": int(self.packed.normals),
-            "SHADE": int(self.rays != "primary"),
-        }
-        match TRAVERSALS[self.variant.traversal].state:
-            case "stack":
-                defines["STACK_SIZE"] = max(depth, 1)
-            case "trail":
-                defines["TRAIL_WORDS"] = 1 if depth <= 32 else 2
-        if isinstance(self.tree, Kd):
-            assert self.packed.nodes is not None
-            defines["REFS_AT"] = self.packed.nodes.refs_at
-        return defines
-
-    def _texts(self, defines: dict[str, int]) -> dict[str, str]:
-        variant = self.variant
-        layout = variant.layout if self.packed.normals else "bare"
-        parts = [
-            *([glsl(TRAVERSALS[variant.traversal].nodes)] if self.tree is not None else []),
-            "common_ray.glsl",
-            "common_slab.glsl",
-            f"box_{variant.box}.glsl",
-            f"layout_{layout}.glsl",
-            f"intersector_{variant.intersector}.glsl".replace("-", "_"),
-            f"traversal_{variant.traversal}.glsl".replace("-", "_"),
-            "common_view.glsl",
-            "surface_raster.glsl" if self.hybrid else "surface_cast.glsl",
-            *(["common_records.glsl"] if self.instrument else []),
-            "render_pixel.glsl",
-        ]
-        if self.kind == "compute":
-            return {"compute": flatten(defines, [*parts, "render_compute.comp"])}
-        vertex = flatten({}, ["render_screen.vert"])
-        return {"vertex": vertex, "fragment": flatten(defines, [*parts, "render_fragment.frag"])}
+        nodes = self.packed.nodes if isinstance(self.tree, Kd) else None
+        return Form(
+            variant=self.variant,
+            lights=len(self.scene.lights),
+            depth=MAX_DEPTH if not self.request.specialise or self.tree is None else self.tree.depth,
+            refs_at=None if nodes is None else nodes.refs_at,
+            normals=self.packed.normals,
+            shade=self.rays != "primary",
+            instrument=self.instrument,
+            reads=self.reads is not None,
+        )
 
     # Data
 
     def _buffers(self, stateful: bool) -> list[Buffer]:
         width, height = self.request.size
         data = [("primitives", self.packed.primitives.vertices), ("normals", self.packed.primitives.normals)]
+        data.append(("baked", self.packed.primitives.baked))
         if self.packed.nodes is not None:
             data.append(("nodes", self.packed.nodes.words))
         if self.hybrid:
@@ -262,6 +227,10 @@ class _Planner:
             tile_width, tile_height = self._tile()
             pixel = BASE_RECORD_BYTES * (1 + len(self.scene.lights))
             buffers.append(Buffer("records", tile_width * tile_height * pixel))
+        if self.reads is not None:
+            # Zeros, so that what no pixel writes is told from what one does.
+            zeros = np.zeros(self.reads.words, np.uint32)
+            buffers += [Buffer(n, d.nbytes, d) for n, d in (("places", self.reads.places), ("reads", zeros))]
         return buffers
 
     def _textures(self) -> list[Texture]:
@@ -285,20 +254,26 @@ class _Planner:
             "lights": ("vec3", [value for light in self.scene.lights for value in light]),
             "budget_turns": ("uvec2", [2, 2]),
             "scene_size": ("float", [self.scene.diagonal]),
-            "shadow_offset": ("float", [self.scene.diagonal * SHADOW_OFFSET]),
         }
+        if self.variant.offset == "constant":
+            uniforms["shadow_offset"] = ("float", [self.scene.diagonal * SHADOW_OFFSET])
         if self.hybrid:
             uniforms["depth_planes"] = ("vec2", [view.near, view.far])
             uniforms["projection_view"] = ("mat4", view.projection_view.T.ravel().tolist())
+        if self.variant.intersector == "watertight":
+            uniforms["scene_lower"], uniforms["scene_upper"] = (
+                ("vec3", corner.astype(float).tolist()) for corner in self.scene.bounds
+            )
         if isinstance(self.tree, Kd):
-            uniforms["root_lower"] = ("vec3", self.tree.lower[0].astype(float).tolist())
-            uniforms["root_upper"] = ("vec3", self.tree.upper[0].astype(float).tolist())
+            uniforms["root_lower"] = ("vec3", (self.tree.lower[0].astype(float) + 0.0).tolist())
+            uniforms["root_upper"] = ("vec3", (self.tree.upper[0].astype(float) + 0.0).tolist())
         return uniforms
 
     def _needs(self, stateful: bool, buffers: list[Buffer]) -> dict[str, int]:
         """Device limits by GL name, without the `GL_MAX_`."""
-        blocks = 1 + (self.packed.nodes is not None) + (self.packed.primitives.normals is not None)
-        blocks += stateful + self.instrument
+        primitives = self.packed.primitives
+        blocks = 1 + sum(words is not None for words in (self.packed.nodes, primitives.normals, primitives.baked))
+        blocks += stateful + self.instrument + 2 * (self.reads is not None)
         stage = "COMPUTE" if self.kind == "compute" else "FRAGMENT"
         largest = max(buffer.nbytes for buffer in buffers)
         return {f"{stage}_SHADER_STORAGE_BLOCKS": blocks, "SHADER_STORAGE_BLOCK_SIZE": largest}
@@ -314,9 +289,6 @@ class _Planner:
         if state == "trail" and self.tree is not None and self.tree.depth <= 32:
             out.append("the trail's second word")
         return out
-
-
-_STAGES = ("STAGE_PRIMARY", "STAGE_SHADOW", "STATE_HITS", "STATE_HIDDEN", "STATE_OUT")
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from renderer.build.api import Builder, build
 from renderer.build.tree import Bvh, SahCosts, Tree
+from renderer.pack.api import Packed, pack
 from renderer.plan import Plan
-from renderer.planner import Packed, make_plan, pack
+from renderer.planner import Reads, make_plan
 from renderer.request import Request
 from scenes.load import load
 from scenes.scene import Scene
@@ -26,6 +27,10 @@ class Prepared:
     def plan(self, *, instrument: bool) -> Plan:
         """The timed plan, or the instrumented one."""
         return make_plan(self.scene, self.tree, self.packed, self.request, instrument=instrument)
+
+    def recording_plan(self, reads: Reads) -> Plan:
+        """The timed plan, made to record what it reads."""
+        return make_plan(self.scene, self.tree, self.packed, self.request, reads=reads)
 
     def referee_tree(self) -> Bvh:
         """A BVH for the referee to walk, whatever the request's own structure is."""

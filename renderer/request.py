@@ -13,7 +13,9 @@ from scenes.scene import Camera
 
 MAX_SIDE = 4096
 RAYS = ("primary", "shadow", "both")
-Check = Literal["none", "oracle", "referee"]
+Check = Literal["none", "oracle", "referee", "image"]
+"""Who judges: nobody, Embree, the referee where they disagree; `image` also holds the picture against the exact one."""
+
 CHECKS: tuple[Check, ...] = get_args(Check)
 
 
@@ -27,14 +29,14 @@ class Request:
 
     `size` is (width, height) in pixels; `frames` are timed frames over all `rounds`; each round is a slice that runs
     in a fresh process. `rays` says what is timed. `camera` replaces the scene's own. `threads` is the number of
-    rasteriser threads on llvmpipe.
+    rasteriser threads on llvmpipe. `models` adds the memory model and the ALU model.
     """
 
     scene: str
     variant: Variant = Variant()
     size: tuple[int, int] = (1024, 1024)
-    frames: int = 9
-    rounds: int = 3
+    frames: int = 12
+    rounds: int = 4
     rays: str = "both"
     costs: SahCosts = SahCosts()
     check: Check = "referee"
@@ -42,6 +44,7 @@ class Request:
     specialise: bool = True
     camera: Camera | None = None
     threads: int = 1
+    models: bool = False
 
     def __post_init__(self) -> None:
         """Check every value; raise RequestError with one sentence."""

@@ -9,7 +9,7 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from importlib.metadata import version
@@ -17,28 +17,36 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from renderer.accuracy import judge
+from renderer.accuracy import Errors, judge
 from renderer.child import Say, answer_task, silent
+from renderer.counts import METRICS, Counts, count_pixels
 from renderer.host import Host
+from renderer.image_error import image_error
 from renderer.instrumented import records_of, refuse_cut
 from renderer.locks import holding, machine_lock
+from renderer.models import run_models
 from renderer.oracle import Oracle
+from renderer.pictures import write_pictures
 from renderer.plan import VERSION, Plan
 from renderer.planner import in_passes
 from renderer.prepare import Prepared, prepare
 from renderer.records import COUNTERS, Records
 from renderer.request import Request
+from renderer.truth_image import truth_image
 from renderer.twin_host import TwinHost
 
 Measurement = dict[str, Any]
 
 
-def measure(request: Request, round_index: int, host: Host, say: Say = silent) -> Measurement:
+def measure(
+    request: Request, round_index: int, host: Host, say: Say = silent, pictures: Path | None = None
+) -> Measurement:
     """Measure one round on `host`: counters and errors in the first round, frame times in each.
 
     `say` is told each phase: `waiting` for a lock, `preparing`, `running`, `judging`. Our own heavy work holds this
-    machine's lock, the run holds the device's.
+    machine's lock, the run holds the device's. The first round's pictures go into the folder `pictures`.
     """
     started = datetime.now(UTC).isoformat(timespec="seconds")
     with _phase("preparing", machine_lock(), say):
@@ -69,9 +77,13 @@ def measure(request: Request, round_index: int, host: Host, say: Say = silent) -
     if round_index == 0:
         assert records is not None
         with _phase("judging", machine_lock(), say):
-            tree = ready.prepared.referee_tree() if request.check == "referee" else None
-            errors = judge(ready.prepared.scene.triangles, records, ready.oracle, tree, request.check)
-        measurement |= _facts(ready.prepared, ready.timed, records) | {"error": asdict(errors)}
+            measurement |= _facts(ready.prepared, ready.timed, records) | {
+                "error": asdict(_judged(ready, records, timed.image))
+            }
+            if request.models:
+                _add_models(measurement, ready, records, host)
+            if pictures is not None:
+                measurement["pictures"] = write_pictures(pictures, timed.image, _counts(ready.prepared, records))
     return measurement
 
 
@@ -106,6 +118,25 @@ def _against(ready: _Ready, records: Records | None) -> Callable[[], float] | No
     if not request.vs_embree or ready.oracle is None or records is None:
         return None
     return _embree_frame(request, ready.oracle, records)
+
+
+def _judged(ready: _Ready, records: Records, image: npt.NDArray[np.uint8]) -> Errors:
+    prepared, request = ready.prepared, ready.prepared.request
+    tree = prepared.referee_tree() if request.check in ("referee", "image") else None
+    scene = prepared.scene
+    intersector = request.variant.intersector
+    errors = judge(scene.triangles, records, ready.oracle, tree, request.check, intersector, scene.lights)
+    if request.check != "image":
+        return errors
+    assert tree is not None
+    away = image_error(image, truth_image(scene, tree, request.size, request.camera, request.rays))
+    return replace(errors, flip=away.flip, psnr=away.psnr)
+
+
+def _add_models(measurement: Measurement, ready: _Ready, records: Records, host: Host) -> None:
+    lines, measurement["model"] = run_models(ready.prepared, ready.timed, records, host)
+    if measurement["per_ray"] is not None:
+        measurement["per_ray"]["lines"] = lines
 
 
 @contextmanager
@@ -159,7 +190,7 @@ def _facts(prepared: Prepared, plan: Plan, records: Records) -> Measurement:
     }
 
 
-def _per_ray(prepared: Prepared, records: Records) -> dict[str, float] | None:
+def _per_ray(prepared: Prepared, records: Records) -> dict[str, float | None] | None:
     """Means over the rays that are timed; None where brute force ran in passes, which do not carry counters."""
     request = prepared.request
     if in_passes(prepared.scene, prepared.tree):
@@ -175,9 +206,21 @@ def _per_ray(prepared: Prepared, records: Records) -> dict[str, float] | None:
     return figures | {"bytes": figures.pop("words") * 4}
 
 
+def _counts(prepared: Prepared, records: Records) -> dict[str, Counts] | None:
+    """What each pixel's rays fetched; None where brute force ran in passes, which do not carry counters."""
+    if in_passes(prepared.scene, prepared.tree):
+        return None
+    return {metric: count_pixels(records, "both", metric) for metric in METRICS}
+
+
+def pictures_of(task: dict[str, Any]) -> Path | None:
+    """The folder for pictures that a slice's task names."""
+    return Path(task["pictures"]) if task.get("pictures") else None
+
+
 def _work(task: dict[str, Any], say: Say) -> Measurement:
     request = Request.from_json(task["request"])
-    return measure(request, task["round"], TwinHost(request.threads), say)
+    return measure(request, task["round"], TwinHost(request.threads), say, pictures_of(task))
 
 
 if __name__ == "__main__":

@@ -29,10 +29,14 @@ def open_context() -> Any:
 
 
 class Twin:
-    """One plan made ready on one context: compiled, uploaded, its setup passes still to run."""
+    """One plan made ready on one context: compiled, uploaded, its setup passes still to run.
 
-    def __init__(self, context: Any, plan: Plan) -> None:
+    `kept` holds programs by their texts: plans that share it share them, and their owner releases them.
+    """
+
+    def __init__(self, context: Any, plan: Plan, kept: dict[str, Any] | None = None) -> None:
         self.context = context
+        self._kept = kept
         self.plan = plan
         check_limits(context, plan)
         self._buffers = {b.name: self._upload(b.nbytes, b.data) for b in plan.buffers}
@@ -82,7 +86,8 @@ class Twin:
         """Give the device's memory back."""
         for made in (*self._vertices.values(), *self._targets.values()):
             made.release()
-        for made in (*self._buffers.values(), *self._textures.values(), *self._programs.values()):
+        programs = self._programs.values() if self._kept is None else ()
+        for made in (*self._buffers.values(), *self._textures.values(), *programs):
             made.release()
 
     # Running
@@ -159,6 +164,14 @@ class Twin:
         return made
 
     def _compile(self, name: str, stages: dict[str, str]) -> Any:
+        if self._kept is None:
+            return self._compiled(name, stages)
+        texts = "".join(stages.values())
+        if texts not in self._kept:
+            self._kept[texts] = self._compiled(name, stages)
+        return self._kept[texts]
+
+    def _compiled(self, name: str, stages: dict[str, str]) -> Any:
         try:
             if "compute" in stages:
                 return self.context.compute_shader(stages["compute"])

@@ -43,11 +43,11 @@ AXES: dict[str, tuple[str, ...]] = {
     "traversal": tuple(TRAVERSALS),
     "method": ("fragment", "compute", "hybrid"),
     "layout": ("normal", "compact", "split"),
-    "intersector": ("moller-trumbore",),
+    "intersector": ("moller-trumbore", "watertight", "baked"),
     "box": ("widened", "williams"),
     "nodes": ("f32",),
     "precision": ("highp",),
-    "offset": ("constant",),
+    "offset": ("constant", "bounded"),
     "builder": ("sah", "median"),
 }
 
@@ -117,12 +117,18 @@ def refusal(variant: Variant, rays: str = "both") -> str | None:
     structure = variant.structure
     if variant.method == "hybrid" and rays == "primary":
         return "hybrid rasterises what the eye sees and casts no primary rays: time shadow or both."
+    if variant.method == "hybrid" and variant.offset == "bounded":
+        return "hybrid knows a depth and not the triangle that bounds its error: leave the offset at constant."
     if structure == "kd" and variant.builder == "median":
         return "median is a BVH builder: a KD-tree is built with sah."
     if structure == "none" and variant.builder != "sah":
         return "brute-force has no structure to build: leave the builder at sah."
     if structure == "none" and variant.box != "widened":
         return "brute-force tests no boxes: leave the box test at widened."
+    if variant.intersector == "baked" and variant.layout == "split":
+        return (
+            "baked keeps its own words in the buffer that split needs for normals: take the layout normal or compact."
+        )
     return None
 
 

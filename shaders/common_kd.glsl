@@ -10,11 +10,24 @@ float plane_t(uint axis, float plane) {
     return t;
 }
 
+// Whether a walk that reached t0 and goes on at t1 gets on. As integers, or a NaN (planes beyond 2^126 away make them)
+// would let it walk for ever; so each leaf ends at another plane, and a walk visits at most inner nodes + 1 of them.
+bool gets_on(float t0, float t1) {
+    bool on = floatBitsToInt(t1) > floatBitsToInt(t0);
+    trace_stuck = trace_stuck || !on;
+    return on;
+}
+
+// Where the ray leaves a cell: the same numbers as `plane_t`, so never grown.
+float cell_exit(vec3 lower, vec3 upper) {
+    return slab_last(max(slab_t(lower), slab_t(upper)));
+}
+
 void intersect_refs(uint first, uint count) {
     uint i = 0u;
     while (i < count) {
         COUNT_WORDS(1);
-        COUNT_TRIANGLE(TRIANGLE_WORDS);
+        COUNT_TRIANGLE(TEST_WORDS);
         intersect(node_ref(first + i));
         i += 1u;
     }

@@ -7,6 +7,15 @@ vec3 ray_direction;
 float hit_t;       // the ray's reach until something nearer is hit
 uint hit_slot;     // where the hit triangle lies in the primitive buffer
 uint hit_id;       // which triangle of the scene it is; NO_PRIMITIVE for a miss
+bool trace_stuck = false;  // a walk was ended because it did not get on; its pixel counts as cut
+
+// The closest hit is the smallest t, then the smallest id (DESIGN.md, Accuracy).
+void take_hit(bool inside, float t, uint slot, uint id) {
+    bool nearer = inside && (t < hit_t || (t == hit_t && id < hit_id));
+    hit_t = nearer ? t : hit_t;
+    hit_slot = nearer ? slot : hit_slot;
+    hit_id = nearer ? id : hit_id;
+}
 
 #if INSTRUMENT
 uvec4 counted;       // nodes fetched, inner nodes visited, leaves visited, triangles tested

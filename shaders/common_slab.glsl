@@ -18,8 +18,8 @@ void slab_prepare() {
     bvec3 still = lessThan(abs(ray_direction), vec3(STILL));
     slab_inverse = mix(1.0 / ray_direction, vec3(STILL_INVERSE), still);
     slab_stay = mix(vec3(0.0), vec3(STILL_STAY), still);
-    // The nudge is far below an ulp: it only keeps Mesa from loading the eye's uniform again in every step.
-    slab_origin = ray_origin + slab_stay * STILL_NUDGE;
+    // The factor rounds to 1: it only keeps Mesa from loading the eye's uniform again in every step.
+    slab_origin = ray_origin * (1.0 + slab_stay * STILL_NUDGE);
     bvec3 backward = lessThan(slab_inverse, vec3(0.0));
     slab_octant = (uint(backward.x) << 1) | (uint(backward.y) << 2) | (uint(backward.z) << 3);
 }
@@ -45,10 +45,37 @@ ivec3 slab_t(vec3 point) {
     return floatBitsToInt(t);
 }
 
+// An intersector that errs by more than the widening covers has boxes grown by a length that depends on the ray:
+// their lower faces are seen from a little above the origin, their upper faces from below it (Woop et al. 2013).
+#if SLAB_GROWN
+vec3 slab_above;
+vec3 slab_below;
+
+void slab_grow(vec3 by) {
+    PRECISE vec3 above = slab_origin + by;
+    PRECISE vec3 below = slab_origin - by;
+    slab_above = above;
+    slab_below = below;
+}
+
+ivec3 slab_lower_t(vec3 lower) {
+    PRECISE vec3 t = (lower - slab_above) * slab_inverse;
+    return floatBitsToInt(t);
+}
+
+ivec3 slab_upper_t(vec3 upper) {
+    PRECISE vec3 t = (upper - slab_below) * slab_inverse;
+    return floatBitsToInt(t);
+}
+#else
+#define slab_lower_t slab_t
+#define slab_upper_t slab_t
+#endif
+
 float slab_entry(vec3 lower, vec3 upper) {
-    return slab_first(min(slab_t(lower), slab_t(upper)));
+    return slab_first(min(slab_lower_t(lower), slab_upper_t(upper)));
 }
 
 float slab_exit(vec3 lower, vec3 upper) {
-    return slab_last(max(slab_t(lower), slab_t(upper)));
+    return slab_last(max(slab_lower_t(lower), slab_upper_t(upper)));
 }

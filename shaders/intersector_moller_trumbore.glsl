@@ -1,6 +1,11 @@
 // Moller and Trumbore 1997, two-sided. What it accepts must also lie in the triangle's own box as the slab test sees
 // it, and t is clamped there: the box is a tighter bound on t than this test's rounding error, and since boxes that
 // contain it enter no later and leave no earlier, no traversal can then skip the hit.
+const int TEST_WORDS = TRIANGLE_WORDS;
+
+void intersector_prepare() {
+}
+
 void intersect(uint slot) {
     vec3 a, b, c;
     uint id;
@@ -21,10 +26,5 @@ void intersect(uint slot) {
     float entry = slab_first(min(at_a, min(at_b, at_c)));
     PRECISE float leave = slab_last(max(at_a, max(at_b, at_c))) * WIDEN;
     bool inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && entry <= leave;
-    t = clamp(t, entry, leave);
-    // The closest hit is the smallest t, then the smallest id (DESIGN.md, Accuracy).
-    bool nearer = inside && (t < hit_t || (t == hit_t && id < hit_id));
-    hit_t = nearer ? t : hit_t;
-    hit_slot = nearer ? slot : hit_slot;
-    hit_id = nearer ? id : hit_id;
+    take_hit(inside, clamp(t, entry, leave), slot, id);
 }

@@ -1,11 +1,12 @@
+#include "common_primitives.glsl"
+
 // Three padded vertices, the id in the padding: what every layout becomes when nothing shades with vertex normals.
 const int TRIANGLE_WORDS = 10;
-layout(std430, binding = 1) readonly restrict buffer Primitives { uvec4 primitives[]; };
 
 void fetch_triangle(uint slot, out vec3 a, out vec3 b, out vec3 c, out uint id) {
-    uvec4 first = primitives[slot * 3u];
+    uvec4 first = primitive_chunk(slot * 3u);
     a = uintBitsToFloat(first.xyz);
-    b = uintBitsToFloat(primitives[slot * 3u + 1u].xyz);
-    c = uintBitsToFloat(primitives[slot * 3u + 2u].xyz);
+    b = uintBitsToFloat(primitive_xyz(slot * 3u + 1u));
+    c = uintBitsToFloat(primitive_xyz(slot * 3u + 2u));
     id = first.w;
 }

@@ -4,8 +4,13 @@
 const int NORMAL_WORDS = 9;
 layout(std430, binding = 2) readonly restrict buffer Normals { uvec4 normals[]; };
 
+uvec3 normal_xyz(uint i) {
+    NOTE_READ(READ_NORMALS, 3u, 4u * i);
+    return normals[i].xyz;
+}
+
 void fetch_normals(uint slot, out vec3 a, out vec3 b, out vec3 c) {
-    a = uintBitsToFloat(normals[slot * 3u].xyz);
-    b = uintBitsToFloat(normals[slot * 3u + 1u].xyz);
-    c = uintBitsToFloat(normals[slot * 3u + 2u].xyz);
+    a = uintBitsToFloat(normal_xyz(slot * 3u));
+    b = uintBitsToFloat(normal_xyz(slot * 3u + 1u));
+    c = uintBitsToFloat(normal_xyz(slot * 3u + 2u));
 }

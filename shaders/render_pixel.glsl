@@ -3,32 +3,23 @@
 // STATE_OUT say what of the rest it takes from and leaves to other passes. Without SHADE, where primary rays alone are
 // timed, nothing of the surface is fetched and the picture shows distances.
 #include "common_budget.glsl"
+#include "common_begin.glsl"
 
 uniform vec3 lights[LIGHTS];
-uniform float shadow_offset;
 uniform float scene_size;  // the diagonal of the bounds
 
 #if STATE_HITS || STATE_HIDDEN || STATE_OUT
 layout(std430, binding = 3) restrict buffer State { uvec4 state[]; };  // t, slot, id, bit l: light l is hidden; bit 31: cut
 #endif
 
-void begin_ray(vec3 origin, vec3 direction, float reach) {
-    ray_origin = origin;
-    ray_direction = direction;
-    hit_t = reach;
-    hit_slot = 0u;
-    hit_id = NO_PRIMITIVE;
-#if INSTRUMENT
-    counted = uvec4(0u);
-    counted_words = 0u;
-#endif
-    slab_prepare();
-    box_prepare();
-}
-
 const float FARTHEST = 3.4028235e38;
 
 vec4 render_pixel(ivec2 pixel) {
+#if READS
+    if (!reads_begin(pixel, image_size.x)) {
+        return vec4(0.0, 0.0, 0.0, 1.0);
+    }
+#endif
     uint hidden = 0u;
     bool cut = false;
     begin_ray(eye, view_direction(pixel), FARTHEST);
@@ -45,6 +36,7 @@ vec4 render_pixel(ivec2 pixel) {
     hidden = known.w & 0x7fffffffu;
 #endif
 #if STAGE_PRIMARY
+    NOTE_RAY;
     trace(false);
 #endif
 #if STATE_OUT
@@ -59,14 +51,18 @@ vec4 render_pixel(ivec2 pixel) {
     record_ray(at, hit_t, hit_id);
 #endif
     float light = 0.0;
+    vec3 origin = surface_point;
+    if (surface_hit) {
+        origin = offset_origin();
+    }
     for (int l = 0; l < LIGHTS; l++) {
-        vec3 origin = surface_point + shadow_offset * surface_normal;
         vec3 towards = lights[l] - origin;
         float reach = length(towards);
         towards /= reach;
 #if STAGE_SHADOW
         if (surface_hit && (hidden & (1u << l)) == 0u) {
             begin_ray(origin, towards, reach);
+            NOTE_RAY;
             trace(true);
             hidden |= hit_id != NO_PRIMITIVE ? 1u << l : 0u;
         }
@@ -86,9 +82,12 @@ vec4 render_pixel(ivec2 pixel) {
 #else
     colour = hit_id != NO_PRIMITIVE ? vec3(scene_size / (scene_size + hit_t)) : colour;
 #endif
-    cut = cut || budget_spent();
+    cut = cut || trace_stuck || budget_spent();
 #if INSTRUMENT
     record_cut(at, cut);
+#endif
+#if READS
+    reads_end();
 #endif
 #if STATE_OUT
     state[pixel.y * image_size.x + pixel.x] = uvec4(found, hidden | (uint(cut) << 31));

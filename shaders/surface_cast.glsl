@@ -3,6 +3,9 @@ bool surface_hit;
 vec3 surface_point;
 vec3 surface_normal;   // of the triangle's plane, towards the eye
 vec3 surface_shading;  // interpolated from the vertices where the scene has normals
+vec3 surface_a;        // the triangle that was hit
+vec3 surface_b;
+vec3 surface_c;
 
 void surface_locate(ivec2 pixel) {
 }
@@ -17,6 +20,9 @@ void surface_from_hit() {
         uint id;
         COUNT_WORDS(TRIANGLE_WORDS);
         fetch_triangle(hit_slot, a, b, c, id);
+        surface_a = a;
+        surface_b = b;
+        surface_c = c;
         surface_normal = normalize(cross(normalize(b - a), normalize(c - a)));
         surface_normal *= dot(surface_normal, ray_direction) > 0.0 ? -1.0 : 1.0;
 #if NORMALS

@@ -6,7 +6,7 @@ void trace(const bool any_hit) {
     uint slot = range_first;
     bool done = slot >= range_last;
     while (!done) {
-        COUNT_TRIANGLE(TRIANGLE_WORDS);
+        COUNT_TRIANGLE(TEST_WORDS);
         intersect(slot);
         slot += 1u;
         done = slot >= range_last || (any_hit && hit_id != NO_PRIMITIVE);

@@ -5,7 +5,7 @@
 void trace(const bool any_hit) {
     float t0;
     bool done = !box_hit(root_lower, root_upper, t0);
-    float scene_exit = slab_exit(root_lower, root_upper);
+    float scene_exit = cell_exit(root_lower, root_upper);
     float t1 = scene_exit;
     uint node = 0u;
     while (!done) {
@@ -26,6 +26,7 @@ void trace(const bool any_hit) {
         COUNT_LEAF;
         intersect_refs(node_first(words), node_count(words));
         done = hit_t < t1 || t1 >= scene_exit || (any_hit && hit_id != NO_PRIMITIVE);
+        done = done || !gets_on(t0, t1);
         t0 = t1;
         COUNT_WORDS(1);
         uint up = node_parent(uvec4(node_links(node)));
@@ -34,7 +35,7 @@ void trace(const bool any_hit) {
             COUNT_NODE(7);
             uvec4 low = node_chunk(node, 1u);
             up = node_parent(low);
-            t1 = slab_exit(node_lower(low), node_upper(node_chunk(node, 2u)));
+            t1 = cell_exit(node_lower(low), node_upper(node_chunk(node, 2u)));
             done = node == 0u && t1 <= t0;
         }
     }

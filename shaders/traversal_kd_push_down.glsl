@@ -4,7 +4,7 @@
 void trace(const bool any_hit) {
     float t0;
     bool done = !box_hit(root_lower, root_upper, t0);
-    float scene_exit = slab_exit(root_lower, root_upper);
+    float scene_exit = cell_exit(root_lower, root_upper);
     uint start = 0u;
     while (!done) {
         uint node = start;
@@ -31,6 +31,7 @@ void trace(const bool any_hit) {
         intersect_refs(node_first(words), node_count(words));
         // Equal t may hide a smaller id in the next leaf, hence the strict test.
         done = hit_t < t1 || t1 >= scene_exit || (any_hit && hit_id != NO_PRIMITIVE);
+        done = done || !gets_on(t0, t1);
         t0 = t1;
     }
 }

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.build.tree import KD_LEAF, Bvh, Kd, Tree
+from renderer.pack.primitives import unsigned_zeros
 from renderer.pack.schema import LEAF, NODE_LAYOUTS, Field, NodeLayout
 
 Words = npt.NDArray[np.uint32]
@@ -67,9 +68,9 @@ def _values(tree: Tree) -> dict[str, npt.NDArray[np.generic]]:
 
 def _store(words: Words, slots: npt.NDArray[np.generic], field: Field, values: npt.NDArray[np.generic]) -> None:
     if field.kind == "vec3":
-        words[slots, field.word : field.word + 3] = np.ascontiguousarray(values, np.float32).view(np.uint32)
+        words[slots, field.word : field.word + 3] = unsigned_zeros(values)
     elif field.kind == "float":
-        words[slots, field.word] = np.ascontiguousarray(values, np.float32).view(np.uint32)
+        words[slots, field.word] = unsigned_zeros(values)
     else:
         if len(values) and (values.min() < 0 or values.max() >= 1 << field.bits):
             raise PackError(f"Node field {field.name} needs {values.max()}, more than its {field.bits} bits hold.")

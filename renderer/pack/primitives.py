@@ -14,15 +14,16 @@ Ints = npt.NDArray[np.int32]
 
 @dataclass(frozen=True, eq=False)
 class PackedPrimitives:
-    """Primitive buffers: `vertices` uint32 words, and `normals` where they have a buffer of their own."""
+    """Primitive buffers: `vertices` uint32 words, and what has a buffer of its own: `normals`, `baked` triangles."""
 
     vertices: Words
     normals: Words | None
+    baked: Words | None = None
 
     @property
     def nbytes(self) -> int:
-        """The bytes of both."""
-        return self.vertices.nbytes + (0 if self.normals is None else self.normals.nbytes)
+        """The bytes of all."""
+        return sum(words.nbytes for words in (self.vertices, self.normals, self.baked) if words is not None)
 
 
 def pack_primitives(
@@ -33,7 +34,7 @@ def pack_primitives(
     Without normals every layout is the same three padded vertices. The scene's triangle id lies in padding.
     """
     ids = np.arange(len(triangles), dtype=np.int32) if order is None else order
-    corners = _bits(triangles[ids])
+    corners = unsigned_zeros(triangles[ids])
     vertices = np.zeros((len(ids), 3, 4), np.uint32)
     vertices[:, :, :3] = corners
     id_words = ids.astype(np.uint32)
@@ -79,6 +80,12 @@ def octahedral(normals: npt.NDArray[np.floating]) -> Words:
     snorm = np.rint(np.clip(np.where(n[:, 2:] < 0, folded, p), -1, 1) * 32767).astype(np.int64) & 0xFFFF
     codes: Words = (snorm[:, 0] | (snorm[:, 1] << 16)).astype(np.uint32)
     return codes
+
+
+def unsigned_zeros(values: npt.NDArray[np.generic]) -> Words:
+    """The words of float32 coordinates, -0.0 as 0.0: the slab test takes a face at -0.0 for one behind a ray at 0.0."""
+    words: Words = (np.asarray(values, np.float32) + np.float32(0.0)).view(np.uint32)
+    return words
 
 
 def _bits(values: Floats) -> Words:

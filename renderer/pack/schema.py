@@ -77,27 +77,40 @@ NODE_LAYOUTS: dict[str, NodeLayout] = {
 
 
 def glsl(name: str) -> str:
-    """The GLSL that declares the node buffer of a layout and reads its chunks and fields."""
+    """The GLSL that declares the node buffer of a layout and reads its chunks and fields.
+
+    Every read is noted for `shaders/common_reads.glsl`, which comes before it; a chunk counts as read whole.
+    """
     layout = NODE_LAYOUTS[name]
     chunk = f"uvec{layout.vector}"
     chunks = layout.words // layout.vector
+    at = f"node * {chunks}u + chunk"
     lines = [
         f"// Node layout `{name}`: {layout.words} words a node.",
         f"const uint LEAF = {LEAF}u;",
         f"layout(std430, binding = 0) readonly restrict buffer Nodes {{ {chunk} nodes[]; }};",
-        f"{chunk} node_chunk(uint node, uint chunk) {{ return nodes[node * {chunks}u + chunk]; }}",
+        _reader(
+            f"{chunk} node_chunk(uint node, uint chunk)", f"nodes[{at}]", layout.vector, f"{layout.vector}u * ({at})"
+        ),
     ]
     types = {chunk, "uvec2"} if layout.refs else {chunk}
     for field in layout.fields:
         lines += [_accessor(layout, field, of) for of in sorted(types) if _fits(layout, field, of)]
     parent = layout.field("parent")
     if parent is not None:
-        at, component = divmod(parent.word, layout.vector)
-        lines.append(f"uint node_links(uint node) {{ return nodes[node * {chunks}u + {at}u].{'xyzw'[component]}; }}")
+        nth, component = divmod(parent.word, layout.vector)
+        value = f"nodes[node * {chunks}u + {nth}u].{'xyzw'[component]}"
+        lines.append(_reader("uint node_links(uint node)", value, 1, f"node * {layout.words}u + {parent.word}u"))
     if layout.refs:
         shift, mask = (1, 1) if layout.vector == 2 else (2, 3)
-        lines.append(f"uint node_ref(uint i) {{ return nodes[uint(REFS_AT) + (i >> {shift})][i & {mask}u]; }}")
+        value = f"nodes[uint(REFS_AT) + (i >> {shift})][i & {mask}u]"
+        lines.append(_reader("uint node_ref(uint i)", value, 1, f"uint(REFS_AT) * {layout.vector}u + i"))
     return "\n".join(lines) + "\n"
+
+
+def _reader(head: str, value: str, words: int, first: str) -> str:
+    """A function that reads the buffer: `words` words from the word `first` on."""
+    return f"{head} {{ NOTE_READ(READ_NODES, {words}u, {first}); return {value}; }}"
 
 
 def _fits(layout: NodeLayout, field: Field, chunk: str) -> bool:

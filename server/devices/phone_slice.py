@@ -1,23 +1,33 @@
 """One slice on a phone, in a process of its own (`python -m server.devices.phone_slice`).
 
-The task is `{"request", "round", "serial", "via", "deadline_s"}`; `renderer.child` says how it goes in and the
-measurement comes out.
+The task is `{"request", "round", "serial", "via", "deadline_s", "pictures"}`; `renderer.child` says how it goes in and
+the measurement comes out.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from renderer.child import ChildError, Say, answer_task, run_child
 from renderer.host import DeviceGoneError
 from renderer.request import Request
-from renderer.slice import Measurement, measure
+from renderer.slice import Measurement, measure, pictures_of
 from server.devices.agent_host import DEADLINE_S, AgentHost
 
 
-def run_phone_slice(serial: str, via: str, request: Request, round_index: int, timeout_s: float = 900.0) -> Measurement:
+def run_phone_slice(
+    serial: str,
+    via: str,
+    request: Request,
+    round_index: int,
+    timeout_s: float = 900.0,
+    *,
+    pictures: Path | None = None,
+) -> Measurement:
     """Run one slice on a phone in a fresh child process; raise ChildError with the reason, a phone gone being one."""
     task = {"request": request.to_json(), "round": round_index, "serial": serial, "via": via, "deadline_s": DEADLINE_S}
+    task |= {"pictures": None if pictures is None else str(pictures)}
     try:
         return run_child("server.devices.phone_slice", task, request.threads, timeout_s)
     except DeviceGoneError as error:
@@ -26,7 +36,7 @@ def run_phone_slice(serial: str, via: str, request: Request, round_index: int, t
 
 def _work(task: dict[str, Any], say: Say) -> Measurement:
     host = AgentHost(task["serial"], task["via"], task["deadline_s"])
-    return measure(Request.from_json(task["request"]), task["round"], host, say)
+    return measure(Request.from_json(task["request"]), task["round"], host, say, pictures_of(task))
 
 
 if __name__ == "__main__":

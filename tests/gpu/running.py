@@ -15,8 +15,8 @@ import pytest
 
 from renderer.build.api import Builder, build
 from renderer.build.tree import Bvh, SahCosts, Tree
+from renderer.pack.api import pack
 from renderer.plan import Plan
-from renderer.planner import pack
 from renderer.prepare import Prepared
 from renderer.readback import read_records
 from renderer.records import Records

@@ -11,7 +11,7 @@ from running import WALKS, Run, prepared, run, run_plan
 
 from renderer.accuracy import identical
 from renderer.build.tree import Bvh
-from renderer.planner import pack
+from renderer.pack.api import pack
 from renderer.prepare import Prepared
 from renderer.variant import Variant
 from scenes.scene import Scene

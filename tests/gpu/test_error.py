@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,9 @@ from running import bvh_of, catalogue_scene, run
 from renderer.accuracy import Errors, judge
 from renderer.oracle import Oracle
 from renderer.records import RASTERISED
+from renderer.request import Request
+from renderer.slice import measure
+from renderer.twin_host import TwinHost
 from renderer.variant import Variant
 
 SCENES = ("cornell-box", "crytek-sponza", "forest", "cornell-buddha")
@@ -61,3 +65,14 @@ def test_hybrid_reports_its_visibility_as_the_rasteriser_s(name: str) -> None:
     assert 0 <= found.raster_mismatch < 0.05
     records = run(catalogue_scene(name), Variant("bvh-stack", "hybrid"), SIDE).records
     assert set(np.unique(records.hits.primitive)) <= {RASTERISED, -1}
+
+
+def test_an_image_is_held_against_the_exact_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RAYFARM_CACHE", str(tmp_path))
+    request = Request("cornell-box", size=(48, 40), frames=1, rounds=1, check="image")
+    error = measure(request, 0, TwinHost(1))["error"]
+    assert 0 < error["flip"] < 0.05
+    assert error["psnr"] > 30
+    [kept] = (tmp_path / "pictures").iterdir()
+    kept.write_bytes(b"torn")
+    assert measure(request, 0, TwinHost(1))["error"] == error

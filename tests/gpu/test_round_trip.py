@@ -93,7 +93,7 @@ def shader(defines: dict[str, int], parts: list[str], binding: int, statements: 
         *(f"    {statement}" for statement in statements),
         "}",
     ]
-    return flatten(defines, [*parts, "\n".join(lines) + "\n"])
+    return flatten({"READS": 0, **defines}, ["common_reads.glsl", *parts, "\n".join(lines) + "\n"])
 
 
 def bits(values: npt.NDArray[np.generic]) -> Words:

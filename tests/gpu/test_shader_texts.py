@@ -8,13 +8,14 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hand_made import duplicates, scene
 from running import catalogue_scene, prepared
 
 from renderer.glsl import digest, flatten
 from renderer.plan import Plan
-from renderer.planner import LOOP_BUDGET
+from renderer.planner import LOOP_BUDGET, Reads
 from renderer.request import RAYS
 from renderer.variant import AXES, TRAVERSALS, matrix
 from scenes.scene import Scene
@@ -44,7 +45,7 @@ def large() -> Scene:
 
 
 def plans(traversal: str) -> Iterator[Plan]:
-    """Every plan of a traversal: all other axes, what is timed, instrumented or not, fitted or general."""
+    """Every plan of a traversal: all other axes, what is timed, instrumented, recording or not, fitted or general."""
     axes = {axis: values for axis, values in AXES.items() if axis not in ("traversal", "builder")}
     for rays in RAYS:
         for variant in matrix({"traversal": (traversal,), **axes}, rays)[0]:
@@ -53,6 +54,7 @@ def plans(traversal: str) -> Iterator[Plan]:
                     ready = prepared(shown, variant, (64, 64), rays=rays, specialise=specialise)
                     yield ready.plan(instrument=True)
                     yield ready.plan(instrument=False)
+                    yield ready.recording_plan(Reads(np.zeros(1, np.uint32), 1))
 
 
 @pytest.mark.parametrize("traversal", TRAVERSALS)

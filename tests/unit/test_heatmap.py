@@ -10,7 +10,8 @@ from PIL import Image
 
 from renderer.bench import run_slice
 from renderer.child import ChildError
-from renderer.heatmap import Counts, count_pixels, heatmap, summarise
+from renderer.counts import Counts, count_pixels
+from renderer.heatmap import heatmap, summarise
 from renderer.heatmap_picture import ABOVE, Panel, common_scale, draw
 from renderer.records import Hits, Rays, Records
 from renderer.request import Request, RequestError

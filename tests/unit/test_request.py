@@ -27,6 +27,7 @@ FULL = Request(
     specialise=False,
     camera=Camera((1.0, 2.0, 3.0), (0.0, 0.5, 0.0), 50.0, (0.0, 0.0, 1.0)),
     threads=2,
+    models=True,
 )
 
 
@@ -52,6 +53,7 @@ def test_missing_keys_take_their_defaults() -> None:
         {"costs": SahCosts(1.0, 2.5)},
         {"camera": None},
         {"specialise": True},
+        {"models": False},
     ],
     ids=str,
 )
@@ -68,7 +70,7 @@ def test_the_key_tells_requests_apart(change: dict[str, Any]) -> None:
         ({"frames": 3, "rounds": 4}, "The rounds is 4: give a whole number from 1 to 3."),
         ({"threads": 65}, "The threads is 65: give a whole number from 1 to 64."),
         ({"rays": "all"}, "Unknown rays 'all': choose one of primary, shadow, both."),
-        ({"check": "embree"}, "Unknown check 'embree': choose one of none, oracle, referee."),
+        ({"check": "embree"}, "Unknown check 'embree': choose one of none, oracle, referee, image."),
         ({"costs": SahCosts(0.0, 1.5)}, "The SAH traversal cost is 0.0: give a number from 1e-6 to 1e6."),
         ({"costs": SahCosts(3.0, math.nan)}, "The SAH intersection cost is nan: give a number from 1e-6 to 1e6."),
         ({"costs": SahCosts(math.inf, 1.5)}, "The SAH traversal cost is inf: give a number from 1e-6 to 1e6."),

@@ -1,0 +1,122 @@
+"""All variants against all families, in processes that may crash or hang without ending the study."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from renderer.child import ChildError, run_child
+from renderer.hard_cases.cell import Cell
+from renderer.variant import AXES, TRAVERSALS, Variant, matrix
+from scenes.hard_cases import FAMILIES
+
+Json = dict[str, Any]
+SEED = 5
+CHILD = "renderer.hard_cases.child"
+
+
+@dataclass(frozen=True)
+class Order:
+    """What to run: `share` of each family's rays; `fitted` families a variant whose specialised text is checked too.
+
+    A cell that takes longer than `limit_s` hangs. `timed` measures the costs.
+    """
+
+    variants: Sequence[Variant]
+    families: Sequence[str] = tuple(FAMILIES)
+    seed: int = SEED
+    share: float = 1.0
+    fitted: int = 1
+    limit_s: float = 120.0
+    timed: bool = True
+    processes: int = 2
+
+
+def all_variants(traversals: Sequence[str] = tuple(TRAVERSALS)) -> list[Variant]:
+    """Every valid combination of traversal, intersector and box test; other node formats and offsets with each
+    traversal and intersector, other precisions with each traversal."""
+    base: dict[str, Sequence[str]] = {"traversal": traversals, "method": ("compute",)}
+    tested = base | {"intersector": AXES["intersector"]}
+    crossed = [tested | {"box": AXES["box"]}]
+    crossed += [
+        with_ | {axis: AXES[axis][1:]} for axis, with_ in (("nodes", tested), ("offset", tested), ("precision", base))
+    ]
+    return [variant for axes in crossed for variant in matrix(axes)[0]]
+
+
+def run_order(order: Order, say: Callable[[int, int], None] = lambda done, crashed: None) -> list[Json]:
+    """The cells of an order as plain rows, those that crashed or hung among them; `say` is told how many there are."""
+    with tempfile.TemporaryDirectory(prefix="rayfarm-hard-cases-") as folder:
+        shards = [_Shard(order, index, Path(folder)) for index in range(order.processes)]
+        threads = [threading.Thread(target=shard.run) for shard in shards]
+        for thread in threads:
+            thread.start()
+        while any(thread.is_alive() for thread in threads):
+            time.sleep(1.0)
+            say(sum(len(shard.rows()) for shard in shards), sum(len(shard.lost) for shard in shards))
+        return [row for shard in shards for row in (*shard.rows(), *shard.lost)]
+
+
+class _Shard:
+    """Every n-th variant, in one process after the other: a new one for each crash."""
+
+    def __init__(self, order: Order, index: int, folder: Path) -> None:
+        self.lost: list[Json] = []
+        self._order, self._folder = order, folder
+        self._journal = folder / f"journal-{index}"
+        self._variants = order.variants[index :: order.processes]
+        # Shards begin at different families, so that each finds half of the referee's answers made by the other.
+        turn = index * len(order.families) // order.processes
+        self._families = [*order.families[turn:], *order.families[:turn]]
+
+    def run(self) -> None:
+        """Run until every cell is filled or lost."""
+        while self._variants:
+            try:
+                run_child(CHILD, self._task(), 1, 24 * 3600.0)
+                return
+            except ChildError as error:
+                self._lose(str(error))
+
+    def rows(self) -> list[Json]:
+        """The cells filled so far."""
+        return [line["cell"] for line in self._lines() if "cell" in line]
+
+    def _task(self) -> Json:
+        order = self._order
+        done = [[row["variant"], row["family"]] for row in (*self.rows(), *self.lost)]
+        return {
+            "variants": [variant.as_dict() for variant in self._variants],
+            "families": self._families,
+            "seed": order.seed,
+            "share": order.share,
+            "fitted": order.fitted,
+            "limit_s": order.limit_s,
+            "timed": order.timed,
+            "journal": str(self._journal),
+            "folder": str(self._folder),
+            "done": done,
+        }
+
+    def _lose(self, reason: str) -> None:
+        """Note the cell at which the process ended; an end between cells ends the shard."""
+        lines = self._lines()
+        if not lines or "begin" not in lines[-1]:
+            raise ChildError(reason)
+        values, family = lines[-1]["begin"]
+        hung = time.time() - lines[-1]["at"] >= self._order.limit_s
+        sentence = f"No answer after {self._order.limit_s:g} s." if hung else reason
+        variant = Variant(**values)
+        self.lost.append(Cell(variant, family, self._order.seed, "hung" if hung else "crashed", sentence).to_json())
+
+    def _lines(self) -> list[Json]:
+        if not self._journal.exists():
+            return []
+        whole = self._journal.read_text(encoding="utf-8").rpartition("\n")[0]
+        return [json.loads(line) for line in whole.splitlines()]

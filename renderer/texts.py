@@ -1,0 +1,97 @@
+"""The shader texts of a plan: which parts make a program, and what they are specialised on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from renderer.glsl import flatten
+from renderer.pack.schema import glsl
+from renderer.variant import TRAVERSALS, Variant
+
+STAGES = ("STAGE_PRIMARY", "STAGE_SHADOW", "STATE_HITS", "STATE_HIDDEN", "STATE_OUT")
+"""What a trace pass may do; `shaders/render_pixel.glsl` says what each means."""
+
+Stages = dict[str, str]
+
+
+@dataclass(frozen=True)
+class Form:
+    """What the texts of one plan are written for.
+
+    `depth` is the levels that a stack or a trail must hold, `refs_at` the chunk at which a KD-tree's list begins;
+    `normals` says that the primitives carry vertex normals, `shade` that hits are shaded. `instrument` adds counters
+    and records, `reads` the recorded reads.
+    """
+
+    variant: Variant
+    lights: int
+    depth: int
+    refs_at: int | None
+    normals: bool
+    shade: bool
+    instrument: bool
+    reads: bool
+
+
+def trace_texts(form: Form, on: Iterable[str], pixel: str = "render_pixel.glsl", first: Iterable[str] = ()) -> Stages:
+    """The texts of a trace pass with some of STAGES switched on; `pixel` says what a pixel casts, after `first`."""
+    variant = form.variant
+    defines = {**_defines(form), **dict.fromkeys(STAGES, 0), **dict.fromkeys(on, 1)}
+    parts = [
+        *first,
+        "common_reads.glsl",
+        *([glsl(TRAVERSALS[variant.traversal].nodes)] if variant.structure != "none" else []),
+        "common_ray.glsl",
+        "common_slab.glsl",
+        f"box_{variant.box}.glsl",
+        f"layout_{variant.layout if form.normals else 'bare'}.glsl",
+        f"intersector_{variant.intersector}.glsl".replace("-", "_"),
+        f"traversal_{variant.traversal}.glsl".replace("-", "_"),
+        "common_view.glsl",
+        "surface_raster.glsl" if variant.method == "hybrid" else "surface_cast.glsl",
+        *_offset_parts(variant),
+        *(["common_records.glsl"] if form.instrument else []),
+        pixel,
+    ]
+    if variant.method == "compute":
+        return {"compute": flatten(defines, [*parts, "render_compute.comp"])}
+    return {
+        "vertex": flatten({}, ["render_screen.vert"]),
+        "fragment": flatten(defines, [*parts, "render_fragment.frag"]),
+    }
+
+
+def raster_texts() -> Stages:
+    """The hybrid method's first step."""
+    return {"vertex": flatten({}, ["render_raster.vert"]), "fragment": flatten({}, ["render_raster.frag"])}
+
+
+def present_texts() -> Stages:
+    """The compute method's second step."""
+    return {"vertex": flatten({}, ["render_screen.vert"]), "fragment": flatten({}, ["render_present.frag"])}
+
+
+def _offset_parts(variant: Variant) -> list[str]:
+    """How a shadow ray leaves its surface, and for `bounded` what the intersector needs of that."""
+    room = f"offset_room_{variant.intersector}.glsl".replace("-", "_")
+    return [*([room] if variant.offset == "bounded" else []), f"offset_{variant.offset}.glsl"]
+
+
+def _defines(form: Form) -> dict[str, int]:
+    defines = {
+        "INSTRUMENT": int(form.instrument),
+        "READS": int(form.reads),
+        "LIGHTS": form.lights,
+        "NORMALS": int(form.normals),
+        "SHADE": int(form.shade),
+        "SLAB_GROWN": int(form.variant.intersector == "watertight"),
+    }
+    match TRAVERSALS[form.variant.traversal].state:
+        case "stack":
+            defines["STACK_SIZE"] = max(form.depth, 1)
+        case "trail":
+            defines["TRAIL_WORDS"] = 1 if form.depth <= 32 else 2
+    if form.refs_at is not None:
+        defines["REFS_AT"] = form.refs_at
+    return defines

@@ -1,0 +1,19 @@
+#include "common_reads.glsl"
+
+// The primitive buffer, by chunks of four words: whole, without the padding, and what lies in the padding.
+layout(std430, binding = 1) readonly restrict buffer Primitives { uvec4 primitives[]; };
+
+uvec4 primitive_chunk(uint i) {
+    NOTE_READ(READ_PRIMITIVES, 4u, 4u * i);
+    return primitives[i];
+}
+
+uvec3 primitive_xyz(uint i) {
+    NOTE_READ(READ_PRIMITIVES, 3u, 4u * i);
+    return primitives[i].xyz;
+}
+
+uint primitive_w(uint i) {
+    NOTE_READ(READ_PRIMITIVES, 1u, 4u * i + 3u);
+    return primitives[i].w;
+}
