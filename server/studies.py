@@ -1,122 +1,133 @@
-"""Studies: the ones that have a name, and how a study becomes jobs."""
+"""Studies: matrices over scenes, devices and every axis, and how they become jobs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from renderer.build.tree import SahCosts
 from renderer.request import Check, Request
-from renderer.variant import AXES, Variant, expand, matrix
+from renderer.variant import Variant, matrix
 from server.store.defaults import LLVMPIPE
+from server.study_axes import StudyError, Words, read_axes, split_words
 
 MAX_SLICES = 20_000
 MAX_REPEATS = 1000
+MAX_COMBINATIONS = 100_000
 BRUTE_FORCE_LIMIT = 1e9
 """`all` leaves out `brute-force` above this many ray-triangle tests a frame."""
 
+FIELD_AXES = {"size": "size", "costs": "sah", "specialise": "specialise"}
+"""The fields of a study that are also axes."""
+
 Entry = Mapping[str, Any]
-Words = str | Sequence[str]
-
-
-class StudyError(ValueError):
-    """A study that cannot be run; the message is one sentence that says what to do."""
+Axes = Mapping[str, Words]
 
 
 @dataclass(frozen=True)
 class Study:
-    """A matrix of variants over scenes, and what every job of it asks for.
+    """Matrices over scenes, and what every job of them asks for.
 
-    `axes` gives each axis a comma list or values, `paper` and `all` included (`renderer.variant.expand`).
-    `optional_scenes` are added where they are here. `repeats` holds every request so many times, one beside the other.
+    `axes` gives each axis of `server.study_axes.STUDY_AXES` a list, `paper` and `all` included; an axis that it does
+    not name has its default, or `size`, `costs` and `specialise` here. Each of the `parts` is a matrix of its own with
+    further axes; what two of them ask for is measured once. Of each of `first_here` the first scene that is here is
+    added. `repeats` holds every request so many times, one beside the other.
     """
 
     scenes: tuple[str, ...]
-    axes: Mapping[str, Words] = field(default_factory=dict)
-    optional_scenes: tuple[str, ...] = ()
+    axes: Axes = field(default_factory=dict)
+    parts: tuple[Axes, ...] = ({},)
+    first_here: tuple[tuple[str, ...], ...] = ()
     size: tuple[int, int] = (1024, 1024)
-    frames: int = 9
-    rounds: int = 3
+    frames: int = 12
+    rounds: int = 4
     repeats: int = 1
     rays: str = "both"
     costs: SahCosts = SahCosts()
     check: Check = "referee"
     vs_embree: bool = False
     specialise: bool = True
+    models: bool = False
     devices: tuple[str, ...] = (LLVMPIPE,)
-
-
-STUDIES: dict[str, Study] = {
-    "demo": Study(
-        scenes=("cornell-box", "forest"),
-        optional_scenes=("crytek-sponza",),
-        axes={"traversal": "paper,bvh-stack", "method": "fragment", "layout": "normal"},
-        size=(256, 256),
-        frames=12,
-        rounds=2,
-        vs_embree=True,
-    ),
-    "aa": Study(
-        scenes=("cornell-box",),
-        size=(64, 64),
-        frames=90,
-        rounds=10,
-        repeats=80,
-        check="none",
-        axes={"layout": "normal"},
-    ),
-}
-"""The studies that have a name."""
+    text: str = ""
 
 
 @dataclass(frozen=True)
 class Planned:
-    """A study's jobs, and what was left out with reasons (`scene`, the variant's axes, `reason`)."""
+    """A study's requests, and what was left out with reasons (`scene`, the variant's axes, `reason`)."""
 
     requests: list[Request]
     refused: list[dict[str, Any]]
 
-
-def require_study(name: str) -> Study:
-    """A named study; raise StudyError naming those that exist."""
-    if name not in STUDIES:
-        raise StudyError(f"Unknown study {name!r}: choose one of {', '.join(STUDIES)}, or give scenes.")
-    return STUDIES[name]
+    @property
+    def slices(self) -> int:
+        """How many slices they have on one device."""
+        return sum(request.rounds for request in self.requests)
 
 
-def expand_axes(axes: Mapping[str, Words]) -> dict[str, tuple[str, ...]]:
-    """Every named axis with its values; raise StudyError or VariantError for what does not exist."""
-    unknown = [axis for axis in axes if axis not in AXES]
-    if unknown:
-        raise StudyError(f"Unknown axis {unknown[0]!r}: choose one of {', '.join(AXES)}.")
-    chosen = {axis: expand(axis, words if isinstance(words, str) else ",".join(words)) for axis, words in axes.items()}
-    return {axis: values for axis, values in chosen.items() if values}
+def with_changes(study: Study, *, axes: Axes | None = None, **changes: Any) -> Study:
+    """The study with the given fields replaced, and the given axes in every part; None leaves a field as it is.
+
+    A size, costs or `specialise` that is given replaces the axis of the study that it is a value of.
+    """
+    given = {name: value for name, value in changes.items() if value is not None}
+    replaced = {FIELD_AXES[name] for name in given if name in FIELD_AXES} | set(axes or ())
+    parts = tuple(_without(part, replaced) for part in study.parts)
+    return replace(study, axes={**_without(study.axes, replaced), **(axes or {})}, parts=parts, **given)
+
+
+def scenes_of(study: Study, is_here: Callable[[str], bool]) -> list[str]:
+    """The scenes that the study is measured on here."""
+    found = (next((name for name in names if is_here(name)), None) for names in study.first_here)
+    return list(dict.fromkeys([*study.scenes, *(name for name in found if name is not None)]))
 
 
 def plan_study(study: Study, require_scene: Callable[[str], Entry], is_here: Callable[[str], bool]) -> Planned:
-    """Turn a study into jobs; raise StudyError, VariantError, RequestError or SceneError when nothing can be run.
+    """Turn a study into requests; raise StudyError, VariantError, RequestError or SceneError when none can be run.
 
-    `require_scene` gives a scene's catalogue entry or raises; `is_here` says whether an optional scene can be had.
+    `require_scene` gives a scene's catalogue entry or raises; `is_here` says whether a scene can be had.
     """
-    scenes = [*study.scenes, *(name for name in study.optional_scenes if is_here(name))]
-    if not scenes:
+    entries = [require_scene(name) for name in scenes_of(study, is_here)]
+    if not entries:
         raise StudyError("The study names no scene: give at least one.")
-    entries = [require_scene(name) for name in dict.fromkeys(scenes)]
-    variants, refused = matrix(expand_axes(study.axes), study.rays)
-    left_out = [{"scene": None, **item.variant.as_dict(), "reason": item.reason} for item in refused]
     if not 1 <= study.repeats <= MAX_REPEATS:
         raise StudyError(f"The repeats are {study.repeats}: give a whole number from 1 to {MAX_REPEATS}.")
+    asked: dict[Request, None] = {}
+    left_out: dict[tuple[Any, ...], dict[str, Any]] = {}
+    for part in study.parts:
+        axes = {**study.axes, **part}
+        _require_few(axes, len(entries))
+        requests, refused = _plan_part(study, axes, entries)
+        asked |= dict.fromkeys(requests)
+        left_out |= {tuple(item.values()): item for item in refused}
+    requests = [request for request in asked for _ in range(study.repeats)]
+    _require_some(requests, list(left_out.values()), len(study.devices))
+    return Planned(requests, list(left_out.values()))
+
+
+def _plan_part(study: Study, axes: Axes, entries: Sequence[Entry]) -> tuple[list[Request], list[dict[str, Any]]]:
+    values, settings = read_axes(axes)
+    variants, refused = matrix(values, study.rays)
+    left_out = [{"scene": None, **item.variant.as_dict(), "reason": item.reason} for item in refused]
     requests: list[Request] = []
-    for entry in entries:
-        for variant in variants:
-            reason = _too_much(study, entry, variant)
-            if reason is None:
-                requests += [_request(study, entry["name"], variant)] * study.repeats
-            else:
-                left_out.append({"scene": entry["name"], **variant.as_dict(), "reason": reason})
-    _require_some(requests, left_out, len(study.devices))
-    return Planned(requests, left_out)
+    for entry, variant, changed in itertools.product(entries, variants, _settings(study, settings)):
+        reason = _too_much(changed, axes, entry, variant)
+        if reason is None:
+            requests.append(_request(changed, entry["name"], variant))
+        else:
+            left_out.append({"scene": entry["name"], **variant.as_dict(), "reason": reason})
+    return requests, left_out
+
+
+def _settings(study: Study, values: Mapping[str, Sequence[Any]]) -> Iterator[Study]:
+    """The study with each combination of the axes that are no variant's."""
+    sizes = values.get("size", (study.size,))
+    costs = values.get("sah", (study.costs,))
+    for size, cost, specialise in itertools.product(sizes, costs, values.get("specialise", (study.specialise,))):
+        yield replace(study, size=size, costs=cost, specialise=specialise)
 
 
 def _request(study: Study, scene: str, variant: Variant) -> Request:
@@ -127,22 +138,35 @@ def _request(study: Study, scene: str, variant: Variant) -> Request:
         frames=study.frames,
         rounds=min(study.rounds, study.frames),
         rays=study.rays,
-        costs=study.costs,
+        # Nothing is built for brute force, so its requests differ in no costs.
+        costs=SahCosts() if variant.structure == "none" else study.costs,
         check=study.check,
         vs_embree=study.vs_embree,
         specialise=study.specialise,
+        models=study.models,
     )
 
 
-def _too_much(study: Study, entry: Entry, variant: Variant) -> str | None:
-    words = study.axes.get("traversal", ())
-    listed = [word.strip() for word in (words.split(",") if isinstance(words, str) else words)]
+def _too_much(study: Study, axes: Axes, entry: Entry, variant: Variant) -> str | None:
+    listed = split_words("traversal", axes.get("traversal", ()))
     if variant.structure != "none" or "all" not in listed or variant.traversal in listed:
         return None
-    tests = study.size[0] * study.size[1] * (2 if study.rays == "both" else 1) * (entry.get("triangles") or 0)
+    width, height = study.size
+    tests = width * height * (2 if study.rays == "both" else 1) * (entry.get("triangles") or 0)
     if tests <= BRUTE_FORCE_LIMIT:
         return None
-    return f"all leaves out brute-force above 10^9 ray-triangle tests a frame; here they are {tests:.1e}."
+    return (
+        f"all leaves out brute-force above 10^9 ray-triangle tests a frame; at {width}x{height} they are {tests:.1e}."
+    )
+
+
+def _require_few(axes: Axes, scenes: int) -> None:
+    values, settings = read_axes(axes)
+    combinations = scenes * math.prod(len(each) for each in (*values.values(), *settings.values()))
+    if combinations > MAX_COMBINATIONS:
+        raise StudyError(
+            f"The study has {combinations} combinations, more than {MAX_COMBINATIONS}: ask for fewer values."
+        )
 
 
 def _require_some(requests: Sequence[Request], left_out: Sequence[Mapping[str, Any]], devices: int) -> None:
@@ -154,6 +178,5 @@ def _require_some(requests: Sequence[Request], left_out: Sequence[Mapping[str, A
         raise StudyError(f"The study has {slices} slices, more than {MAX_SLICES}: ask for fewer variants or rounds.")
 
 
-def with_changes(study: Study, **changes: Any) -> Study:
-    """The study with the given fields replaced; a field that is None is left as it is."""
-    return replace(study, **{name: value for name, value in changes.items() if value is not None})
+def _without(axes: Axes, names: set[str]) -> dict[str, Words]:
+    return {axis: words for axis, words in axes.items() if axis not in names}

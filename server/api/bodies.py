@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Annotated, Any
 
 import numpy as np
@@ -11,8 +12,10 @@ from renderer.build.tree import SahCosts
 from renderer.request import Check, Request, parse_size
 from renderer.variant import Variant
 from scenes.scene import Camera
+from server.named_studies import STUDIES, require_study
 from server.store.defaults import LLVMPIPE, NORMAL_PRIORITY
-from server.studies import STUDIES, Study, StudyError, require_study, with_changes
+from server.studies import Study, with_changes
+from server.study_axes import StudyError, read_costs, split_words
 
 Coordinate = Annotated[float, Field(allow_inf_nan=False, ge=-1e9, le=1e9)]
 Place = tuple[Coordinate, Coordinate, Coordinate]
@@ -34,12 +37,13 @@ def _read_words(value: Any) -> Any:
 
 
 def _read_costs(value: Any) -> Any:
-    if not isinstance(value, str):
+    return asdict(read_costs(value)) if isinstance(value, str) else value
+
+
+def _read_axes(value: Any) -> Any:
+    if not isinstance(value, dict):
         return value
-    parts = value.split(",")
-    if len(parts) != 2:
-        raise ValueError(f"The SAH costs {value!r} are not understood: write them as 3.0,1.5.")
-    return {"traversal": parts[0], "intersection": parts[1]}
+    return {axis: split_words(axis, words) if isinstance(words, str) else words for axis, words in value.items()}
 
 
 class Body(BaseModel):
@@ -76,6 +80,7 @@ Size = Annotated[tuple[int, int], BeforeValidator(_read_size)]
 Switch = Annotated[bool, BeforeValidator(_read_switch)]
 Words = Annotated[list[Name], BeforeValidator(_read_words)]
 Costs = Annotated[CostsBody, BeforeValidator(_read_costs)]
+Axes = Annotated[dict[str, list[Name]], BeforeValidator(_read_axes)]
 
 
 class JobBody(Body):
@@ -92,13 +97,14 @@ class JobBody(Body):
     offset: str = "constant"
     builder: str = "sah"
     size: Size = (1024, 1024)
-    frames: int = 9
+    frames: int = 12
     rounds: int | None = None
     rays: str = "both"
     sah: Costs = CostsBody()
     check: Check = "referee"
     vs_embree: Switch = False
     specialise: Switch = True
+    models: Switch = False
     camera: CameraBody | None = None
     device: Name = LLVMPIPE
     priority: Priority = NORMAL_PRIORITY
@@ -111,22 +117,23 @@ class JobBody(Body):
             variant=Variant(**axes),
             size=self.size,
             frames=self.frames,
-            rounds=min(3, max(1, self.frames)) if self.rounds is None else self.rounds,
+            rounds=min(4, max(1, self.frames)) if self.rounds is None else self.rounds,
             rays=self.rays,
             costs=SahCosts(self.sah.traversal, self.sah.intersection),
             check=self.check,
             vs_embree=self.vs_embree,
             specialise=self.specialise,
+            models=self.models,
             camera=Camera(**self.camera.model_dump()) if self.camera else None,
         )
 
 
 class StudyBody(Body):
-    """A named study, changed where a field is given; or scenes and axes under any name."""
+    """A named study, changed where a field is given; or one matrix of scenes and axes under any name."""
 
     name: Name = "study"
     scenes: Words | None = None
-    axes: dict[str, Words] | None = None
+    axes: Axes | None = Field(None, description="sah and size may be axes too: 3.0,1.5; 1.5,3.0 and 256,640x480")
     size: Size | None = None
     frames: int | None = None
     rounds: int | None = None
@@ -136,6 +143,7 @@ class StudyBody(Body):
     check: Check | None = None
     vs_embree: Switch | None = None
     specialise: Switch | None = None
+    models: Switch | None = None
     devices: Words | None = None
     priority: Priority = NORMAL_PRIORITY
 
@@ -146,9 +154,9 @@ class StudyBody(Body):
         named = self.name in STUDIES or self.scenes is None
         study = require_study(self.name) if named else Study(scenes=())
         if self.scenes is not None:
-            study = with_changes(study, scenes=tuple(self.scenes), optional_scenes=())
+            study = with_changes(study, scenes=tuple(self.scenes), first_here=())
         if self.devices is not None:
             study = with_changes(study, devices=tuple(dict.fromkeys(self.devices)) or (LLVMPIPE,))
-        fields = ("axes", "size", "frames", "rounds", "repeats", "rays", "check", "vs_embree", "specialise")
+        fields = ("axes", "size", "frames", "rounds", "repeats", "rays", "check", "vs_embree", "specialise", "models")
         costs = SahCosts(self.sah.traversal, self.sah.intersection) if self.sah else None
         return with_changes(study, costs=costs, **{name: getattr(self, name) for name in fields})

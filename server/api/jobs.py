@@ -1,25 +1,23 @@
-"""Jobs, studies, scenes."""
+"""Jobs and scenes."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from fastapi import APIRouter, Query, Request, Response
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from server.api.bodies import JobBody, StudyBody
+from server.api.bodies import JobBody
 from server.api.idempotency import Answer, SubmissionOf, answer_once, earlier_answer
 from server.api.state import database_of, durable_of
-from server.api.views import MAX_ID, find_job, find_study, job_line, job_lines, job_view, study_view
+from server.api.views import MAX_ID, find_job, job_line, job_lines, job_view
 from server.problems import Problem
 from server.queue.dispatch import submit
 from server.queue.ledger import end_job
-from server.scene_list import is_here, list_scenes, require_scene
+from server.scene_list import list_scenes, require_scene
 from server.store.models import Job
-from server.store.records import Order, add_study
+from server.store.records import Order
 from server.store.states import OPEN, State
-from server.studies import plan_study
 
 router = APIRouter(prefix="/api/v1")
 
@@ -81,48 +79,6 @@ def cancel_job(job_id: str, request: Request) -> dict[str, Any]:
         session.flush()
         session.expire(job)
         view = job_view(job)
-    durable_of(request).cancel(void)
-    return view
-
-
-@router.post("/studies", status_code=201)
-def create_study(body: StudyBody, request: Request, submission: SubmissionOf) -> Response:
-    """Queue a matrix of variants over scenes; the answer lists what was left out, with reasons."""
-    database = database_of(request)
-    earlier = earlier_answer(database, submission)
-    if earlier is not None:
-        return earlier
-    study_asked = body.to_study()
-    planned = plan_study(study_asked, require_scene, is_here)
-    posted = body.model_dump(mode="json", exclude_none=True)
-    orders = [Order(asked, device) for asked in planned.requests for device in study_asked.devices]
-
-    def create(session: Session) -> Answer:
-        study = add_study(session, body.name, posted, planned.refused)
-        submit(session, durable_of(request), orders, body.priority, study.id)
-        return Answer(study_view(session, study), f"/api/v1/studies/{study.id}")
-
-    return answer_once(database, submission, create)
-
-
-@router.get("/studies/{study_id}")
-def read_study(study_id: str, request: Request) -> dict[str, Any]:
-    """One study with its progress."""
-    with database_of(request).reading() as session:
-        return study_view(session, find_study(session, study_id))
-
-
-@router.post("/studies/{study_id}/cancel")
-def cancel_study(study_id: str, request: Request) -> dict[str, Any]:
-    """Cancel what of a study is still queued or running."""
-    with database_of(request).writing() as session:
-        study = find_study(session, study_id)
-        still_open = select(Job).where(Job.study_id == study.id, Job.state.in_(OPEN)).order_by(Job.id)
-        void: list[str] = []
-        for job in session.scalars(still_open.with_for_update()):
-            void += end_job(session, job, "cancelled", "Cancelled with its study.")
-        session.flush()
-        view = study_view(session, study)
     durable_of(request).cancel(void)
     return view
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from renderer.request import Check, Request
     from server.cli.plan import Here
 
-ROUNDS = 3
+ROUNDS = 4
 
 RoundsOption = Annotated[
     int | None,
@@ -61,14 +61,22 @@ def bench(
     builder: Words = "sah",
     rays: Annotated[str, typer.Option(help="What is timed: primary, shadow or both.")] = "both",
     size: SizeOption = "1024",
-    frames: Annotated[int, typer.Option(help="Timed frames over all rounds.")] = 9,
+    frames: Annotated[int, typer.Option(help="Timed frames over all rounds.")] = 12,
     rounds: RoundsOption = None,
     sah: SahOption = "3.0,1.5",
-    check: Annotated[str, typer.Option(help="Who judges the hits: none, oracle or referee.")] = "referee",
+    check: Annotated[
+        str,
+        typer.Option(
+            help="Who judges: none, oracle, referee, or image (the referee, and the picture by FLIP and PSNR)."
+        ),
+    ] = "referee",
     vs_embree: Annotated[bool, typer.Option("--vs-embree", help="Trace the very same rays with Embree.")] = False,
     specialise: Annotated[str, typer.Option(help="on leaves out what the scene does not need, off keeps it.")] = "on",
     camera: CameraOption = None,
     threads: Annotated[int, typer.Option(help="Rasteriser threads of llvmpipe.")] = 1,
+    models: Annotated[
+        bool, typer.Option("--models", help="Run the models of memory lines and ALU operations too.")
+    ] = False,
     device: DeviceOption = None,
     via: Annotated[str, typer.Option(help="How the agent comes into the phone: shell or apk.")] = "shell",
     as_json: JsonLines = False,
@@ -94,6 +102,7 @@ def bench(
         check=cast("Check", check),
         vs_embree=vs_embree,
         specialise=read_switch("specialise", specialise),
+        models=models,
     )
     run = _slices_on(device, via)
     here = plan_here(study, read_camera(camera), threads)

@@ -87,6 +87,10 @@ class Client:
             raise
         return answer.json()
 
+    def get_bytes(self, path: str) -> bytes:
+        """GET a file from a path under /api/v1."""
+        return self._ask("GET", path).content
+
     def delete(self, path: str) -> None:
         """DELETE a path under /api/v1."""
         self._ask("DELETE", path)

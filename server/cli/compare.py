@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from server.cli.common import Client, ClientError, JsonFlag, ServerOption, make_console, print_json
-from server.cli.table import print_comparison
+from server.cli.table import print_comparison, print_fronts
 from server.comparison.differences import DEFAULT_GATE
+
+FRONTS = ("error", "size")
 
 
 def register(app: typer.Typer) -> None:
@@ -24,7 +27,14 @@ def compare(
     rows: Annotated[str | None, typer.Option(help="What stands on the rows, comma separated.")] = None,
     cols: Annotated[str | None, typer.Option(help="What stands on the columns.")] = None,
     sort: Annotated[str | None, typer.Option(help="A column, best first; with - before it, worst first.")] = None,
+    ratio_to: Annotated[str | None, typer.Option(help="A row, as bvh-stack, that all others get a ratio to.")] = None,
+    front: Annotated[str | None, typer.Option(help="Tell the Pareto front of speed against error or size.")] = None,
     csv: Annotated[bool, typer.Option("--csv", help="Print every result as a line of CSV.")] = False,
+    form: Annotated[
+        str | None,
+        typer.Option("--format", help="Every result as csv, jsonl, parquet; or the table as markdown, latex."),
+    ] = None,
+    output: Annotated[Path | None, typer.Option(help="The file for --format; standard output without it.")] = None,
     baseline: Annotated[
         str | None, typer.Option(help="job:1, study:2, a file of results, or NAME=VALUE,...; needs --against.")
     ] = None,
@@ -46,18 +56,24 @@ def compare(
         from server.cli.gate import compare_sides
 
         raise typer.Exit(compare_sides(baseline, against, threshold, gate, clock, server, as_json))
-    named = {"metric": metric, "rows": rows, "cols": cols, "sort": sort}
+    if front is not None and front not in FRONTS:
+        raise ClientError(f"Unknown front {front!r}: choose one of {', '.join(FRONTS)}.")
+    named = {"metric": metric, "rows": rows, "cols": cols, "sort": sort, "baseline": ratio_to}
     params = [(name, value) for name, value in named.items() if value is not None]
     params += [_read_filter(text) for text in where or []]
     with Client(server) as client:
-        if csv:
-            typer.echo(client.get_text("compare", [*params, ("format", "csv")]), nl=False)
+        if csv or form or output:
+            from server.cli.export import export
+
+            export(client.address, params, form or "csv", output)
             return
         view = client.get("compare", params)
         if as_json:
             print_json(view)
             return
         print_comparison(view, make_console())
+        if front is not None:
+            print_fronts(view, front, make_console())
         typer.echo(f"See it at {client.address}{view['page']}")
 
 

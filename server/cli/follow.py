@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
 from server.cli.common import Client
 from server.cli.events import follow_events
+from server.cli.progress import slices_bar
 from server.store.states import OPEN
 
 Json = dict[str, Any]
@@ -17,14 +17,14 @@ Json = dict[str, Any]
 
 def follow_study(client: Client, number: int, console: Console) -> Json:
     """Show a study's progress on `console` until it has ended; the study as the API gives it."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("slices"))
     jobs: dict[int, Json] = {job["id"]: job for job in client.get(f"studies/{number}")["jobs"]}
     told = 0
-    with Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal) as progress:
-        task = progress.add_task(f"study {number}")
+    with slices_bar(console, hidden=not console.is_terminal) as progress:
+        task = progress.add_task(f"study {number}", left="")
         for change in follow_events(client, f"studies/{number}/events"):
             slices = change["study_progress"]
             progress.update(task, completed=slices["done"] + slices["ended"], total=slices["total"])
+            progress.update(task, left=change["study_left"] or "")
             if change["state"] not in OPEN:
                 told += 1
                 progress.console.print(_line(f"[{told}/{len(jobs)}]", jobs[change["job"]], change))

@@ -14,7 +14,7 @@ from server.cli.common import SOME_FAILED, JsonFlag, print_json
 from server.cli.options import CameraOption, OptionError, SahOption, SceneArgument, SizeOption, Words
 
 if TYPE_CHECKING:
-    from renderer.heatmap import Counts
+    from renderer.counts import Counts
     from renderer.request import Request
     from server.cli.plan import Here
 
@@ -95,7 +95,8 @@ def _count(here: Here, metric: str, *, quiet: bool) -> list[Counts]:
 
 
 def _show(here: Here, maps: Sequence[Counts], metric: str, top: int | None, path: Path, as_json: bool) -> None:
-    from renderer.heatmap import METRICS, summarise
+    from renderer.counts import METRICS
+    from renderer.heatmap import summarise
     from renderer.heatmap_picture import Panel, draw
 
     panels = [Panel(_title(request, here), counts) for request, counts in zip(here.requests, maps, strict=True)]

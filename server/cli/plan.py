@@ -7,7 +7,6 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from renderer.build.tree import SahCosts
 from renderer.request import Request
 from renderer.variant import Variant
 from renderer.view import view_of
@@ -15,6 +14,9 @@ from scenes.load import load
 from scenes.scene import Camera, Point, Scene
 from server.cli.options import OptionError
 from server.studies import BRUTE_FORCE_LIMIT, Planned, Study, plan_study
+from server.study_axes import read_costs, read_switch
+
+__all__ = ["Here", "plan_here", "print_refused", "read_camera", "read_costs", "read_switch", "slow_warning"]
 
 TEST_S = 25e-9
 """About the seconds of one ray-triangle test of brute force on one core of llvmpipe."""
@@ -68,14 +70,6 @@ def print_refused(here: Here, as_json: bool) -> None:
         print(f"Left out {', '.join(variants)}: {reason}", file=sys.stderr)
 
 
-def read_costs(text: str) -> SahCosts:
-    """Read `CT,CI`."""
-    values = _numbers(text, 2)
-    if values is None:
-        raise OptionError(f"The SAH costs {text!r} are not understood: write them as 3.0,1.5.")
-    return SahCosts(*values)
-
-
 def read_camera(texts: tuple[str, str, str] | None) -> Camera | None:
     """Read EYE, TARGET and FOV; None for None."""
     if texts is None:
@@ -84,13 +78,6 @@ def read_camera(texts: tuple[str, str, str] | None) -> Camera | None:
     if fov is None:
         raise OptionError(f"The field of view {texts[2]!r} is not understood: write degrees, as 60.")
     return Camera(_point("eye", texts[0]), _point("target", texts[1]), fov[0])
-
-
-def read_switch(name: str, text: str) -> bool:
-    """Read `on` or `off`."""
-    if text not in ("on", "off"):
-        raise OptionError(f"Unknown {name} {text!r}: choose one of on, off.")
-    return text == "on"
 
 
 def _plan(study: Study, name: str, triangles: int | None) -> Planned:

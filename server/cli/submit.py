@@ -11,6 +11,7 @@ from server.cli.common import SOME_FAILED, Client, ClientError, JsonFlag, Server
 from server.cli.follow import follow_study
 from server.cli.table import print_comparison
 
+STUDY_AXES = (*AXES, "sah", "size", "specialise")
 Words = Annotated[str | None, typer.Option(help="A value, a comma list, paper or all.", show_default=False)]
 
 
@@ -32,13 +33,14 @@ def submit(
     offset: Words = None,
     builder: Words = None,
     rays: Annotated[str | None, typer.Option(help="What is timed: primary, shadow or both.")] = None,
-    size: Annotated[str | None, typer.Option(help="W or WxH, in pixels.")] = None,
+    size: Annotated[str | None, typer.Option(help="W or WxH, in pixels, or a comma list.")] = None,
     frames: Annotated[int | None, typer.Option(help="Timed frames over all rounds.")] = None,
     rounds: Annotated[int | None, typer.Option(help="Rounds, each in fresh processes.")] = None,
-    sah: Annotated[str | None, typer.Option(help="The SAH's costs CT,CI.")] = None,
+    sah: Annotated[str | None, typer.Option(help='The SAH\'s costs CT,CI, or several: "3.0,1.5; 1.5,3.0".')] = None,
     check: Annotated[str | None, typer.Option(help="none, oracle or referee.")] = None,
     vs_embree: Annotated[bool, typer.Option("--vs-embree", help="Trace the same rays with Embree.")] = False,
-    specialise: Annotated[str | None, typer.Option(help="on or off.")] = None,
+    specialise: Annotated[str | None, typer.Option(help="on, off or on,off.")] = None,
+    models: Annotated[bool, typer.Option("--models", help="Also run the memory model and the ALU model.")] = False,
     device: Annotated[str | None, typer.Option(help="llvmpipe, or devices as `rayfarm devices` lists them.")] = None,
     priority: Annotated[int | None, typer.Option(help="1 is the most urgent, 100 the usual.")] = None,
     wait: Annotated[bool, typer.Option("--wait/--no-wait", help="Wait for the results.")] = True,
@@ -47,11 +49,11 @@ def submit(
 ) -> None:
     """Measure SCENE, or a named study, on a service; show progress, then the comparison."""
     given = locals()
-    axes = {axis: given[axis] for axis in AXES if given[axis] is not None}
-    names = ("rays", "size", "frames", "rounds", "sah", "check", "specialise", "priority")
+    axes = {axis: given[axis] for axis in STUDY_AXES if given[axis] is not None}
+    names = ("rays", "frames", "rounds", "check", "priority")
     plain = {name: given[name] for name in names} | {"devices": device}
     body = {name: value for name, value in plain.items() if value is not None}
-    body |= {"vs_embree": True} if vs_embree else {}
+    body |= {name: True for name in ("vs_embree", "models") if given[name]}
     body |= {"axes": axes} if axes else {}
     body |= _what(scene, study)
     with Client(server) as client:

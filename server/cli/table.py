@@ -8,8 +8,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from server.comparison.figures import NOT_MEASURED, write_figure, write_interval, write_value
+from server.comparison.figures import NOT_MEASURED, write_figure, write_interval, write_ratio, write_value
 from server.comparison.metrics import METRICS, Figure, Metric
+from server.comparison.ratios import Ratio
 
 Json = dict[str, Any]
 
@@ -33,6 +34,15 @@ def print_comparison(view: Json, console: Console) -> None:
         console.print(Text(note, style="yellow"))
 
 
+def print_fronts(view: Json, cost: str, console: Console) -> None:
+    """Print which variants are on each column's Pareto front of speed against `error` or `size`."""
+    for key, front in zip(view["column_keys"], view["pareto"][cost], strict=True):
+        names = "none: the column mixes scenes, sizes or rays"
+        if front is not None:
+            names = ", ".join(view["table"][place]["label"] for place in front) or NOT_MEASURED
+        console.print(Text(f"Pareto front of speed against {cost}, {' / '.join(key.values())}: {names}"))
+
+
 def _cell_text(metric: Metric, cell: Json | None) -> Text:
     if cell is None:
         return Text(NOT_MEASURED, style="dim")
@@ -40,6 +50,8 @@ def _cell_text(metric: Metric, cell: Json | None) -> Text:
     interval = write_interval(metric, figures[metric.key])
     text = Text(write_figure(metric, figures[metric.key]), style="bold")
     text.append(f"  {interval}" if interval else "", style="not bold dim")
+    if cell.get("ratio"):
+        text.append(f"\n{write_ratio(Ratio(**cell['ratio']))}", style="not bold cyan")
     for line in _lines(metric, figures):
         text.append(f"\n{line}", style="not bold")
     if cell["count"] > 1:

@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import Any
+
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
 from sqlalchemy import select
 
 from server.api.events import feed_of
 from server.api.state import database_of
-from server.api.views import find_study, job_line, job_lines, study_lines, study_view
+from server.api.study_views import study_lines, study_view
+from server.api.views import find_study, job_line, job_lines
 from server.dashboard.templates import render
 from server.store.models import Job, Study
 from server.store.states import OPEN
 
 router = APIRouter(include_in_schema=False)
 SHOWN = 50
+MANY = 60
+"""More jobs than this are shown by scene, each scene's folded up."""
+REPORTED = "paper"
+"""The study that has a report."""
+
+Json = dict[str, Any]
 
 
 @router.get("/studies")
-def studiesrender(request: Request) -> Response:
+def studies_page(request: Request) -> Response:
     """The latest studies, and the latest jobs."""
     with database_of(request).reading() as session:
         studies = session.scalars(select(Study).order_by(Study.id.desc()).limit(SHOWN)).all()
@@ -33,4 +44,20 @@ def study_page(study_id: str, request: Request) -> Response:
     after = feed_of(request).settled()  # Asked first: what the page does not show then comes as an event.
     with database_of(request).reading() as session:
         study = study_view(session, find_study(session, study_id))
-    return render(request, "study.html", {"study": study, "after": after, "open_states": OPEN})
+    context = {
+        "study": study,
+        "groups": _by_scene(study["jobs"]) if len(study["jobs"]) > MANY else None,
+        "settings": [key for key in ("size", "sah") if len({job[key] for job in study["jobs"]}) > 1],
+        "reported": study["name"] == REPORTED,
+        "after": after,
+        "open_states": OPEN,
+    }
+    return render(request, "study.html", context)
+
+
+def _by_scene(jobs: Sequence[Json]) -> list[tuple[str, list[Json], int]]:
+    """Each scene with its jobs, and how many of them are over."""
+    groups: dict[str, list[Json]] = defaultdict(list)
+    for job in jobs:
+        groups[job["scene"]].append(job)
+    return [(scene, own, sum(job["state"] not in OPEN for job in own)) for scene, own in groups.items()]

@@ -10,6 +10,8 @@ from typing import Any
 from sqlalchemy import func, select
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
+from server.live.study_left import read_left
+from server.live.time_left import write_left
 from server.store.models import Change, Job, Slice
 from server.store.states import OPEN
 
@@ -49,7 +51,7 @@ class Topic:
 def read_events(session: Session, after: int, until: int, limit: int, topic: Topic | None = None) -> list[Event]:
     """The first `limit` events with `after` < id <= `until`, in their order; `until` must be settled.
 
-    The progress in them is that of the moment of reading, in slices.
+    The progress in them is that of the moment of reading, in slices, and so is the time left.
     """
     query = select(Change, Job.study_id).join(Job, Job.id == Change.job_id)
     query = query.where(Change.id > after, Change.id <= until).order_by(Change.id).limit(limit)
@@ -60,6 +62,7 @@ def read_events(session: Session, after: int, until: int, limit: int, topic: Top
     jobs = _progress(session, Job.id, {change.job_id for change, _ in rows})
     ids = {study for _, study in rows if study is not None}
     studies, ends = _progress(session, Job.study_id, ids), _study_ends(session, ids)
+    left = read_left(session, ids)
     return [
         Event(
             change.id,
@@ -67,7 +70,7 @@ def read_events(session: Session, after: int, until: int, limit: int, topic: Top
             study,
             change.state not in OPEN,
             ends.get(study) == change.id,
-            _data(change, study, jobs[change.job_id], studies.get(study)),
+            _data(change, study, jobs[change.job_id], studies.get(study), left.get(study)),
         )
         for change, study in rows
     ]
@@ -81,7 +84,9 @@ def end_of(session: Session, topic: Topic) -> int | None:
     return _study_ends(session, () if topic.study is None else (topic.study,)).get(topic.study)
 
 
-def _data(change: Change, study: int | None, progress: Progress, study_progress: Progress | None) -> str:
+def _data(
+    change: Change, study: int | None, progress: Progress, study_progress: Progress | None, left_s: float | None
+) -> str:
     told: dict[str, Any] = {
         "job": change.job_id,
         "study": study,
@@ -90,6 +95,7 @@ def _data(change: Change, study: int | None, progress: Progress, study_progress:
         "at": change.at.isoformat(timespec="milliseconds"),
         "progress": progress,
         "study_progress": study_progress,
+        "study_left": write_left(left_s),
     }
     return json.dumps(told)
 

@@ -24,10 +24,18 @@ def submit(
 ) -> list[Job]:
     """Add jobs and enqueue their slices, in the session's transaction; raise DeviceError for one not known."""
     for device in sorted({order.device for order in orders}):
-        _require_device(session, device)
+        require_device(session, device)
     slices = add_jobs(session, orders, priority=priority, study_id=study_id)
     put_slices(session, durable, slices)
     return list(dict.fromkeys(part.job for part in slices))
+
+
+def require_device(session: Session, device: str) -> None:
+    """Raise DeviceError for a device that is not known."""
+    if device == LLVMPIPE or find(session, device) is not None:
+        return
+    known = ", ".join([LLVMPIPE, *session.scalars(select(Device.id).where(Device.kind != PAIRING).order_by(Device.id))])
+    raise DeviceError(f"There is no device {device!r}: choose one of {known}, or attach it (`rayfarm devices attach`).")
 
 
 def put_slices(session: Session, durable: Durable, slices: Sequence[Slice], delay_s: float = 0.0) -> None:
@@ -50,11 +58,13 @@ def park(session: Session, part: Slice) -> str | None:
     return workflow
 
 
-def show_if_waiting(session: Session, job: Job) -> None:
-    """Show a job as waiting for its device once one of its slices does and nobody holds another."""
+def show_if_waiting(session: Session, job: Job) -> bool:
+    """Show a job as waiting for its device once one of its slices does and nobody holds another; whether it does."""
     states, reason = {part.state for part in job.slices}, f"{job.device} is not ready."
-    if "waiting" in states and states.isdisjoint(HELD) and job.reason != reason:
+    waits = "waiting" in states and states.isdisjoint(HELD)
+    if waits and job.reason != reason:
         change_state(session, job, "waiting", reason)
+    return waits
 
 
 def settle(database: Database, durable: Durable) -> int:
@@ -84,13 +94,6 @@ def settle(database: Database, durable: Durable) -> int:
                     change_state(session, part.job, "queued", f"{part.job.device} is ready.")
     durable.cancel([workflow for workflow in void if workflow])
     return len(found)
-
-
-def _require_device(session: Session, device: str) -> None:
-    if device == LLVMPIPE or find(session, device) is not None:
-        return
-    known = ", ".join([LLVMPIPE, *session.scalars(select(Device.id).where(Device.kind != PAIRING).order_by(Device.id))])
-    raise DeviceError(f"There is no device {device!r}: choose one of {known}, or attach it (`rayfarm devices attach`).")
 
 
 def _target(session: Session, device_id: str) -> Target | None:

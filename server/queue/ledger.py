@@ -53,6 +53,7 @@ def claim(database: Database, slice_id: int, workflow: str, worker: str) -> Clai
         if part.workflow != workflow or part.state not in ("queued", *HELD):
             return None
         part.state, part.worker = "preparing", worker
+        part.started_at, part.ended_at = now(), None
         part.attempts += 1
         job.started_at = job.started_at or now()
         rounds = len(job.slices)
@@ -79,7 +80,7 @@ def record(database: Database, held: Claim, measurement: Json, combine: Combine)
     """Record a slice's measurement, and with the last one the job's result; False when it is no longer held."""
     with database.writing() as session:
         job = session.get_one(Job, held.job_id, with_for_update=True)
-        if not _update_held(session, held, state="done", measurement=measurement, worker=None):
+        if not _update_held(session, held, state="done", measurement=measurement, ended_at=now()):
             return False
         if job.state not in OPEN:
             return True
@@ -88,8 +89,9 @@ def record(database: Database, held: Claim, measurement: Json, combine: Combine)
             add_result(session, job, combine([cast(Json, part) for part in parts]))
             job.finished_at = now()
             change_state(session, job, "done")
-        else:
-            show_if_waiting(session, job)
+        elif not show_if_waiting(session, job):
+            done = sum(part.state == "done" for part in job.slices)
+            change_state(session, job, "queued", f"{done} of {len(job.slices)} rounds are done.")
         return True
 
 
@@ -97,7 +99,7 @@ def fail(database: Database, durable: Durable, held: Claim, reason: str) -> bool
     """End the slice's job as failed, with a reason; False when the slice is no longer held."""
     with database.writing() as session:
         job = session.get_one(Job, held.job_id, with_for_update=True)
-        if not _update_held(session, held, state="failed", worker=None):
+        if not _update_held(session, held, state="failed", worker=None, ended_at=now()):
             return False
         void = end_job(session, job, "failed", reason)
     durable.cancel(void)
@@ -109,7 +111,7 @@ def give_back(database: Database, durable: Durable, held: Claim, reason: str) ->
     with database.writing() as session:
         job = session.get_one(Job, held.job_id, with_for_update=True)
         if job.state not in OPEN:
-            return _update_held(session, held, state="cancelled", worker=None)
+            return _update_held(session, held, state="cancelled", worker=None, ended_at=now())
         if not _update_held(session, held, state="queued", worker=None):
             return False
         part = session.get_one(Slice, held.slice_id)
@@ -118,7 +120,7 @@ def give_back(database: Database, durable: Durable, held: Claim, reason: str) ->
             pause = min(MAX_BACK_OFF_S, BACK_OFF_S * 2 ** (part.attempts - 1))
             put_slices(session, durable, [part], delay_s=pause)
             return True
-        part.state = "failed"
+        part.state, part.ended_at = "failed", now()
         void = end_job(session, job, "failed", f"{reason} That was attempt {part.attempts}, the last.")
     durable.cancel(void)
     return True
@@ -129,7 +131,7 @@ def let_go(database: Database, held: Claim) -> None:
     with database.writing() as session:
         job = session.get_one(Job, held.job_id, with_for_update=True)
         if job.state not in OPEN:
-            _update_held(session, held, state="cancelled", worker=None)
+            _update_held(session, held, state="cancelled", worker=None, ended_at=now())
 
 
 def lose(session: Session, slice_ids: Sequence[int], worker: str, reason: str) -> list[str]:
@@ -142,9 +144,9 @@ def lose(session: Session, slice_ids: Sequence[int], worker: str, reason: str) -
             continue
         part.worker = None
         if job.state not in OPEN:
-            part.state = "cancelled"
+            part.state, part.ended_at = "cancelled", now()
         elif part.attempts >= MAX_ATTEMPTS:
-            part.state = "failed"
+            part.state, part.ended_at = "failed", now()
             void += end_job(session, job, "failed", f"{reason} That was attempt {part.attempts}, the last.")
         else:
             part.state = "queued"

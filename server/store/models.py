@@ -103,7 +103,8 @@ class Job(Base):
 class Slice(Base):
     """One round of one job. `workflow` on `queue` is the durable workflow that will run it or runs it.
 
-    `worker` holds it since its last claim, which counted `attempts` up; only that attempt's outcome is taken.
+    `worker` holds it since its last claim, or measured it; a claim counts `attempts` up, and only that attempt's
+    outcome is taken. `started_at` is when that claim was, `ended_at` when its outcome was taken.
     """
 
     __tablename__ = "slices"
@@ -117,6 +118,8 @@ class Slice(Base):
     worker: Mapped[str | None] = mapped_column(String(200), index=True)
     workflow: Mapped[str | None] = mapped_column(String(64))
     queue: Mapped[str | None] = mapped_column(String(200))
+    started_at: Mapped[datetime | None]
+    ended_at: Mapped[datetime | None]
     measurement: Mapped[Json | None] = mapped_column(deferred=True)
 
     job: Mapped[Job] = relationship(back_populates="slices")

@@ -62,6 +62,7 @@ def test_what_the_first_release_kept_is_kept(empty_url: str) -> None:
             assert len(session.scalars(select(table)).all()) == 1
         job = session.scalars(select(Job)).one()
         assert (job.request, job.slices[0].measurement) == ({"frames": 3}, {"round": 0})
+        assert (job.slices[0].started_at, job.slices[0].ended_at) == (None, None)
         assert job.created_at.isoformat() == "2026-01-02T03:04:05+00:00"
         assert job.result is not None
         assert job.result.document == {"scene": "forest"}

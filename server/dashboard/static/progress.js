@@ -1,5 +1,6 @@
 // Follows a study's or a job's events until it ends, then loads the page once more for its final form; cancels it.
 const AGAIN_MS = 3000;
+const OVER = ".state.done, .state.failed, .state.cancelled";
 const title = document.querySelector("[data-events]");
 const isJob = "job" in title.dataset;
 let last = title.dataset.after;
@@ -15,6 +16,8 @@ function showRow(change) {
   if (!row) return;
   setState(row.querySelector(".state"), change.state);
   row.querySelector(".reason").textContent = change.reason ?? "";
+  const group = row.closest("details.jobs");
+  if (group) group.querySelector("[data-ended]").textContent = group.querySelectorAll(OVER).length;
 }
 
 function showHistory(change) {
@@ -27,9 +30,10 @@ function showHistory(change) {
   document.querySelector(".history").append(entry);
 }
 
-function showProgress({ done, total }) {
+function showProgress({ done, total }, left) {
   document.getElementById("progress").value = done;
   document.getElementById("slices").textContent = `${done} of ${total} slices`;
+  document.getElementById("left").textContent = left ?? "";
 }
 
 function showJob(change) {
@@ -41,9 +45,13 @@ function showJob(change) {
 function show(event) {
   const change = JSON.parse(event.data);
   last = event.lastEventId;
-  showProgress(isJob ? change.progress : change.study_progress);
-  if (isJob) showJob(change);
-  else showRow(change);
+  if (isJob) {
+    showProgress(change.progress, null);
+    showJob(change);
+  } else {
+    showProgress(change.study_progress, change.study_left);
+    showRow(change);
+  }
 }
 
 // A browser opens six connections to a host at most: a tab that nobody sees gives its own back.

@@ -1,0 +1,61 @@
+"""The report of the study `paper`: where it goes, and its writing from results here or on a service."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from server.cli.common import Client, ClientError
+
+Json = dict[str, Any]
+Pictures = Callable[[str], bytes | None]
+PAPER = "paper"
+"""The study that ends in a report."""
+REPORT = Path("rayfarm-paper.html")
+
+
+def report_path(name: str, given: Path | None) -> Path | None:
+    """Where a study's report goes, None for one that has none; raise ClientError where it cannot be written."""
+    if name != PAPER:
+        if given is not None:
+            raise ClientError(f"Only the study {PAPER} has a report: leave out --report.")
+        return None
+    path = given or REPORT
+    if path.is_dir() or not path.parent.is_dir():
+        raise ClientError(f"The report cannot be written to {path}: give --report a file in a folder that exists.")
+    return path
+
+
+def report_here(documents: Sequence[Json], pictures: Path, path: Path) -> str:
+    """Write the report of results whose pictures are in a folder; one sentence about it."""
+    from server.paper.report import pictures_in
+
+    return _write(documents, pictures_in(pictures), path)
+
+
+def report_there(client: Client, study: int, path: Path) -> str:
+    """Write the report of a service's study; one sentence about it."""
+
+    def pictures(digest: str) -> bytes | None:
+        try:
+            return client.get_bytes(f"pictures/{digest}")
+        except ClientError as error:
+            if error.__cause__ is not None:  # No answer at all; a refusal says that the picture is not there.
+                raise
+            return None
+
+    return _write(client.get("results", [("of", f"study:{study}")])["results"], pictures, path)
+
+
+def _write(documents: Sequence[Json], pictures: Pictures, path: Path) -> str:
+    from server.paper.report import write_report
+
+    try:
+        verdicts = write_report(documents, pictures, path)
+    except OSError as error:
+        raise ClientError(f"The report cannot be written to {path}: {error.strerror or error}.") from error
+    judged = Counter(verdict.outcome for verdict in verdicts)
+    counts = ", ".join(f"{number} {outcome}" for outcome, number in judged.items())
+    return f"The report is {path}; of the paper's {len(verdicts)} claims: {counts}."
