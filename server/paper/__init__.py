@@ -1,0 +1,1 @@
+"""The paper's figures and claims, judged on stored results and put into one report."""
