@@ -10,12 +10,17 @@ from fastapi.responses import Response
 from sqlalchemy.exc import SQLAlchemyError
 
 from server import problems
+from server.api import claims as api_claims
 from server.api import compare as api_compare
 from server.api import devices as api_devices
 from server.api import difference as api_difference
 from server.api import events as api_events
+from server.api import frames as api_frames
 from server.api import jobs as api
+from server.api import pictures as api_pictures
 from server.api import profiles as api_profiles
+from server.api import studies as api_studies
+from server.api import trace as api_trace
 from server.api.state import database_of
 from server.dashboard import pages
 from server.guard import Guard
@@ -46,11 +51,16 @@ def create_app(settings: Settings) -> FastAPI:
 
     app = FastAPI(title="RayFarm", lifespan=lifespan, openapi_url="/api/v1/openapi.json", docs_url=None, redoc_url=None)
     app.include_router(api.router)
+    app.include_router(api_studies.router)
+    app.include_router(api_claims.router)
     app.include_router(api_compare.router)
     app.include_router(api_difference.router)
     app.include_router(api_events.router)
+    app.include_router(api_frames.router)
     app.include_router(api_devices.router)
+    app.include_router(api_pictures.router)
     app.include_router(api_profiles.router)
+    app.include_router(api_trace.router)
     app.state.lease_s = settings.lease_s
     app.state.blobs, app.state.profile_mb = Blobs(settings.blobs), settings.profile_mb
     pages.install(app)

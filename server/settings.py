@@ -5,10 +5,11 @@ from __future__ import annotations
 import socket
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from platformdirs import user_data_path
-from pydantic import Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError
+from pydantic_core import PydanticCustomError
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 
@@ -25,25 +26,34 @@ def _default_database() -> str:
     return f"sqlite:///{data_folder() / 'rayfarm.sqlite'}"
 
 
-def _default_blobs() -> Path:
-    return data_folder() / "blobs"
+def _default_blobs() -> str:
+    return str(data_folder() / "blobs")
+
+
+def _check_blobs(where: str) -> str:
+    """A folder, or a bucket's URL."""
+    scheme, mark, place = where.partition("://")
+    if not where or (mark and (scheme != "s3" or not place.strip("/"))):
+        raise PydanticCustomError("blobs", "give a folder, or s3://bucket/prefix")
+    return where
 
 
 class Settings(BaseSettings):
     """Where the service listens and where it keeps things.
 
-    `database_url` is an SQLAlchemy URL, `blobs` the folder of what is too large for it, such as imported profiles, none
-    of which may be larger than `profile_mb` megabytes. `allowed_hosts` are the names under
-    which the service may be addressed. `slice_timeout_s` bounds one slice, `lease_s` is how long a worker that shows
-    no sign of life keeps its slices, `poll_s` how often a worker looks for work; in seconds. `worker_host` names the
-    machine that phones are attached to, where its host name will not do. `phones` and `llvmpipe` say what a worker
-    cares for, `via` how a phone's agent is run: by `app_process` or as an app.
+    `database_url` is an SQLAlchemy URL. `blobs` is the folder, or the bucket `s3://bucket/prefix`, of what is too large
+    for it: pictures, and imported profiles, none of which may be larger than `profile_mb` megabytes; servers and
+    workers share it. `allowed_hosts` are the names under which the service may be addressed. `slice_timeout_s` bounds
+    one slice, `lease_s` is how long a worker that shows no sign of life keeps its slices, `poll_s` how often a worker
+    looks for work; in seconds. `worker_host` names the machine that phones are attached to, where its host name will
+    not do. `phones` and `llvmpipe` say what a worker cares for, `via` how a phone's agent is run: by `app_process` or
+    as an app.
     """
 
     model_config = SettingsConfigDict(env_prefix="RAYFARM_")
 
     database_url: str = Field(default_factory=_default_database)
-    blobs: Path = Field(default_factory=_default_blobs)
+    blobs: Annotated[str, AfterValidator(_check_blobs)] = Field(default_factory=_default_blobs)
     profile_mb: int = Field(default=1000, ge=1)
     host: str = "127.0.0.1"
     port: int = Field(default=8710, ge=0, le=65535)

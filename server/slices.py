@@ -1,13 +1,18 @@
-"""How a claimed slice is measured: which child does it, for which device."""
+"""How a claimed slice is measured: which child does it, for which device, and where its pictures go."""
 
 from __future__ import annotations
 
+import asyncio
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 
 from renderer.child import AsyncSay, run_child_async
 from server.devices.registry import PHONE
+from server.pictures.taken import take_up
 from server.queue.ledger import Claim
 from server.settings import Settings
+from server.store.blobs import Blobs
 from server.store.database import Database
 from server.store.models import Device, Json
 
@@ -23,11 +28,22 @@ class SliceRunner:
 
     def __init__(self, database: Database, settings: Settings, has_lease: Callable[[], bool]) -> None:
         self.database, self.settings, self.has_lease = database, settings, has_lease
+        self.blobs = Blobs(settings.blobs)
 
     async def __call__(self, held: Claim, say: AsyncSay) -> Json:
-        """Measure one slice."""
+        """Measure one slice; the first round's pictures are blobs when this returns."""
+        if held.round != 0:
+            return await self._measure(held, say, None)
+        with tempfile.TemporaryDirectory(prefix="rayfarm-pictures-", ignore_cleanup_errors=True) as name:
+            folder = Path(name)
+            measurement = await self._measure(held, say, folder)
+            return await asyncio.to_thread(take_up, measurement, folder, self.blobs)
+
+    async def _measure(self, held: Claim, say: AsyncSay, pictures: Path | None) -> Json:
         limit_s, lease_s = self.settings.slice_timeout_s, self.settings.lease_s
         task: Json = {"request": held.request, "round": held.round}
+        if pictures is not None:
+            task["pictures"] = str(pictures)
         module = "renderer.slice"
         if self._is_phone(held.device):
             module = "server.devices.phone_slice"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Request
@@ -15,6 +15,7 @@ from starlette.requests import ClientDisconnect
 from server.api.state import database_of
 from server.api.views import find_job
 from server.problems import Problem
+from server.profiles.export import metrics_csv
 from server.profiles.formats import AUTO, read_map
 from server.profiles.store import UNNAMED, find_profile, import_file, job_profiles, profile_view, require_measured
 from server.store.blobs import BlobError, Blobs, Incoming
@@ -43,11 +44,15 @@ async def create_profile(
 
 
 @router.get("")
-def list_profiles(job_id: str, request: Request) -> dict[str, Any]:
-    """A job's profiles, the latest import first."""
+def list_profiles(
+    job_id: str, request: Request, form: Annotated[Literal["json", "csv"], Query(alias="format")] = "json"
+) -> Response:
+    """A job's profiles, the latest import first; `format=csv` gives all their metrics, a line a series."""
     with database_of(request).reading() as session:
         profiles = job_profiles(session, find_job(session, job_id))
-        return {"profiles": [profile_view(profile, with_metrics=False) for profile in profiles]}
+        if form == "csv":
+            return Response(metrics_csv(profiles), media_type="text/csv; charset=utf-8")
+        return JSONResponse({"profiles": [profile_view(profile, with_metrics=False) for profile in profiles]})
 
 
 @router.get("/{profile_id}")

@@ -8,6 +8,7 @@ from typing import Any
 
 from renderer.difference import Difference, by_round, difference
 from renderer.variant import AXES
+from server.comparison.derived import sah_text, specialise_text
 
 DEFAULT_GATE = 0.01
 """The slowdown that an interval's lower bound must pass to stop a gate, as a fraction.
@@ -91,8 +92,8 @@ def setup_of(result: Json) -> dict[str, str]:
         "rays": str(result.get("rays_kind")),
         "device": str((result.get("device") or {}).get("id")),
         **{axis: str(result.get(axis)) for axis in AXES},
-        "sah": f"{costs.get('traversal')},{costs.get('intersection')}",
-        "specialise": "off" if result.get("specialised") is None else "on",
+        "sah": sah_text(costs.get("traversal"), costs.get("intersection")),
+        "specialise": specialise_text(result.get("specialised")),
     }
 
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from server.comparison.metrics import Figure, Metric
+
+if TYPE_CHECKING:
+    from server.comparison.ratios import Ratio
 
 NOT_MEASURED = "not measured"
 UNITS = ("B", "KB", "MB", "GB", "TB")
@@ -31,6 +35,22 @@ def write_interval(metric: Metric, figure: Figure) -> str:
     if figure.low is None or figure.high is None:
         return ""
     return f"{write_value(metric, figure.low)}–{write_value(metric, figure.high)}"
+
+
+def write_ratio(ratio: Ratio) -> str:
+    """A ratio to a baseline with its interval and verdict, or why there is none."""
+    if ratio.value is None:
+        return ratio.note
+    return ", ".join(text for text in (f"{write_times(ratio.value)}{_ends(ratio)}", ratio.verdict, ratio.note) if text)
+
+
+def write_times(value: float) -> str:
+    """A ratio with three significant digits."""
+    return f"{_number(value)}×"
+
+
+def _ends(ratio: Ratio) -> str:
+    return "" if ratio.low is None or ratio.high is None else f" ({_number(ratio.low)}–{_number(ratio.high)})"
 
 
 def write_percent(fraction: float) -> str:

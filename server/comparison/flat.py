@@ -21,8 +21,9 @@ COLUMNS = (
     *("frame_ms_median", "frame_ms_ci_low", "frame_ms_ci_high", "fps", "mrays_per_s", "mrays_per_cpu_s"),
     *("rays_kind", "rays_timed", "rays_primary", "rays_shadow", "structure_bytes", "primitive_bytes", "build_ms"),
     *("per_ray_nodes", "per_ray_inner", "per_ray_leaves", "per_ray_triangles", "per_ray_bytes", "per_ray_lines"),
+    *("model_alu_per_fragment", "model_alu_per_ray"),
     *("overflows", "error_false_hit", "error_false_miss", "error_edge", "error_wrong_primitive"),
-    *("error_t_rel_p99", "error_t_rel_max", "error_t_ulp_max", "error_shadow_mismatch", "error_flip"),
+    *("error_t_rel_p99", "error_t_rel_max", "error_t_ulp_max", "error_shadow_mismatch", "error_flip", "error_psnr"),
     *("vs_embree_mrays_per_cpu_s", "vs_embree_ratio"),
     *("profile_sp_memory_read", "profile_sp_memory_read_per_s", "profile_shader_alu_capacity_utilized"),
     *("profile_time_alus_working", "profile_alu_per_fragment", "profile_imported", "profile_ambiguous"),
@@ -39,7 +40,10 @@ LINES = 100
 RAW = ("frames_ms", "frames_cpu_ms", "frames_gpu_ms", "samples")
 """Raw series: a CSV has them, a cell of a comparison leaves them to its job."""
 
-OBJECTS = ("device", "sah", "frame_ms", "rays", "per_ray", "error", "vs_embree", "profile", "versions")
+OBJECTS = (
+    *("device", "sah", "frame_ms", "rays", "per_ray", "model", "error", "vs_embree", "profile", "versions"),
+    "pictures",
+)
 
 
 @dataclass(frozen=True)
@@ -52,16 +56,16 @@ class Stored:
     document: dict[str, Any]
 
 
-def flatten(stored: Stored) -> dict[str, Any]:
-    """One result as a flat row; `size` becomes `WxH`, lists become JSON text."""
+def flatten(stored: Stored, *, lists: bool = False) -> dict[str, Any]:
+    """One result as a flat row; `size` becomes `WxH`, and lists become JSON text unless they are kept."""
     known = {"job": stored.job, "study": stored.study, "recorded_at": stored.recorded_at}
-    return known | flatten_document(stored.document)
+    return known | flatten_document(stored.document, lists=lists)
 
 
-def flatten_document(document: dict[str, Any]) -> dict[str, Any]:
+def flatten_document(document: dict[str, Any], *, lists: bool = False) -> dict[str, Any]:
     """A result's document alone as a flat row."""
     row: dict[str, Any] = {}
-    _flatten_into(row, "", {key: value for key, value in document.items() if key != "size"})
+    _flatten_into(row, "", {key: value for key, value in document.items() if key != "size"}, lists)
     row["size"] = "x".join(str(side) for side in document.get("size") or ())
     return row
 
@@ -119,12 +123,12 @@ def _guarded(value: Any) -> Any:
     return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
 
 
-def _flatten_into(row: dict[str, Any], prefix: str, value: dict[str, Any]) -> None:
+def _flatten_into(row: dict[str, Any], prefix: str, value: dict[str, Any], lists: bool) -> None:
     for key, item in value.items():
         name = f"{prefix}{key}"
         if isinstance(item, dict):
-            _flatten_into(row, f"{name}_", item)
-        elif isinstance(item, list):
+            _flatten_into(row, f"{name}_", item, lists)
+        elif isinstance(item, list) and not lists:
             row[name] = json.dumps(item)
         elif item is not None or name not in OBJECTS:
             row[name] = item

@@ -20,7 +20,8 @@ class Metric:
     """One figure. `key` is its name in a flattened result (`_` between levels).
 
     `from_frames` marks figures that are a constant divided by (`rate`) or proportional to (`time`) the frame time, so
-    that the frame time's 95 % interval gives theirs.
+    that the frame time's 95 % interval gives theirs. `model` is set for what is computed, not measured: the column of a
+    flattened result that tells how; its label says so, too.
     """
 
     key: str
@@ -29,6 +30,7 @@ class Metric:
     better: Better
     kind: Kind = "number"
     from_frames: Literal["", "rate", "time"] = ""
+    model: str = ""
 
 
 ERROR_PARTS = ("error_false_hit", "error_false_miss", "error_wrong_primitive")
@@ -47,13 +49,19 @@ METRICS: dict[str, Metric] = {
         Metric("per_ray_nodes", "Nodes per ray", "nodes/ray", "lower"),
         Metric("per_ray_triangles", "Triangles per ray", "tri/ray", "lower"),
         Metric("per_ray_bytes", "Bytes per ray", "/ray", "lower", "bytes"),
+        Metric("per_ray_lines", "Cache lines per ray (model)", "lines/ray", "lower", model="model_lines_text"),
+        Metric("model_alu_per_fragment", "ALU per fragment (model)", "ALU/fragment", "lower", model="model_alu_text"),
         Metric("error_total", "Error", "of rays", "lower", "fraction"),
         Metric("error_false_hit", "False hits", "of rays", "lower", "fraction"),
         Metric("error_false_miss", "False misses", "of rays", "lower", "fraction"),
         Metric("error_wrong_primitive", "Wrong primitive", "of rays", "lower", "fraction"),
         Metric("error_edge", "Edge cases", "of rays", "lower", "fraction"),
         Metric("error_shadow_mismatch", "Shadow mismatch", "of shadow rays", "lower", "fraction"),
+        Metric("error_shadow_self_hit", "Shadow rays that hit their own start", "of shadow rays", "lower", "fraction"),
+        Metric("error_shadow_leak", "Shadow rays that leak", "of shadow rays", "lower", "fraction"),
         Metric("error_raster_mismatch", "Raster mismatch", "of pixels", "lower", "fraction"),
+        Metric("error_flip", "FLIP of the picture", "", "lower"),
+        Metric("error_psnr", "PSNR of the picture", "dB", "higher"),
         Metric("sah_cost", "SAH cost", "", "lower"),
         Metric("profile_sp_memory_read", "SP memory read a draw (imported)", "", "lower", "bytes"),
         Metric("profile_sp_memory_read_per_s", "SP memory read (imported)", "/s", "lower", "bytes"),
@@ -87,10 +95,26 @@ def require_metric(key: str) -> Metric:
 
 def read_figure(metric: Metric, flat: Flat) -> Figure:
     """A metric's figure in a flattened result."""
-    value = _total_error(flat) if metric.key == "error_total" else _number(flat.get(metric.key))
+    return _figure(metric, flat, _frame_times(flat))
+
+
+def read_figures(flat: Flat) -> dict[str, Figure]:
+    """All metrics' figures in a flattened result."""
+    times = _frame_times(flat)
+    return {key: _figure(metric, flat, times) for key, metric in METRICS.items()}
+
+
+def _frame_times(flat: Flat) -> tuple[float, float, float] | None:
+    """The median frame time with its interval's ends; None where one of them is missing."""
     median, low, high = (_number(flat.get(f"frame_ms_{part}")) for part in ("median", "ci_low", "ci_high"))
-    if not metric.from_frames or value is None or not median or not low or not high:
+    return (median, low, high) if median and low and high else None
+
+
+def _figure(metric: Metric, flat: Flat, times: tuple[float, float, float] | None) -> Figure:
+    value = _total_error(flat) if metric.key == "error_total" else _number(flat.get(metric.key))
+    if not metric.from_frames or value is None or times is None:
         return Figure(value)
+    median, low, high = times
     if metric.from_frames == "rate":
         return Figure(value, value * median / high, value * median / low)
     return Figure(value, low, high)

@@ -8,25 +8,28 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from operator import itemgetter
+from dataclasses import dataclass, field
+from itertools import compress
+from operator import itemgetter, ne
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from renderer.variant import AXES, TRAVERSALS
+from server.comparison.derived import DERIVED, derived_texts
 from server.comparison.flat import Stored, flatten, to_frame, without_raw
-from server.comparison.metrics import METRICS, Figure, Metric, read_figure
+from server.comparison.metrics import Figure, Metric, read_figures
+from server.comparison.ratios import Ratio
 from server.store.setups import FACTS, SETUP, VERSIONS
 
 if TYPE_CHECKING:
     import pandas as pd
 
-DIMENSIONS = (*AXES, "scene", "family", "device", "size", "rays", "study")
+DIMENSIONS = (*AXES, *DERIVED, "scene", "family", "device", "size", "rays", "study")
 """What may stand on the rows and the columns."""
 
 COLUMN_OF = {"device": "device_id", "rays": "rays_kind"}
 """Dimensions whose column in a flat row has another name."""
 
-PLACE = {name: index for index, name in enumerate(FACTS)}
+PLACE = {name: index for index, name in enumerate((*FACTS, *DERIVED))}
 
 Key = tuple[str, ...]
 Texts = tuple[str, ...]
@@ -51,7 +54,7 @@ class CompareError(ValueError):
 
 
 class Group(NamedTuple):
-    """Results of one set-up: its texts in the order of FACTS, how many results, and the newest (the largest id)."""
+    """Results of one set-up: its texts as `texts_of` gives them, how many results, and the newest (the largest id)."""
 
     texts: Texts
     study: int | None
@@ -61,19 +64,24 @@ class Group(NamedTuple):
 
 @dataclass(frozen=True)
 class Cell:
-    """The latest result of a cell: its flat row without raw series, all figures, the count, what they differ in."""
+    """The latest result of a cell: its flat row without raw series, all figures, the count, what they differ in.
+
+    `ratio` is its figure by that of the baseline's row; None where no baseline is chosen.
+    """
 
     row: dict[str, Any]
     figures: dict[str, Figure]
     count: int
     differs: tuple[str, ...]
+    ratio: Ratio | None = None
 
 
 @dataclass(frozen=True)
 class Comparison:
     """A table: `cells[i][j]` belongs to `row_keys[i]` and `column_keys[j]`; None where nothing was measured.
 
-    `flat` is every result that went in; `environments` are their devices, drivers included, each once.
+    `flat` is every result that went in; `environments` are their devices, drivers included, each once. `base` are the
+    cells of the row that is the baseline, which may be one that is not shown; empty where there is none.
     """
 
     metric: Metric
@@ -85,6 +93,7 @@ class Comparison:
     notes: list[str]
     flat: Rows
     environments: list[str]
+    base: list[Cell | None] = field(default_factory=list)
 
     def frame(self) -> pd.DataFrame:
         """All results that went in, one a line, the newest first."""
@@ -125,10 +134,12 @@ def pivot(
     columns: tuple[str, ...],
     sort: str = "",
     limit: int | None = None,
+    baseline: str = "",
 ) -> Comparison:
     """Pivot groups of results; `load` gives the flat rows of results by their ids.
 
     With a `limit` the table has no more cells than that, beyond one row and one column; a note says what is left out.
+    `baseline` is a row's label, whose cells are then given as `base`.
     """
     known = list(groups)
     pairs = _by_cell(known, rows, columns)
@@ -141,12 +152,18 @@ def pivot(
     table.read((row, column) for row in shown_rows for column in shown_columns)
     cells = [[table.cells.get((row, column)) for column in shown_columns] for row in shown_rows]
     notes = _left_out(row_keys, column_keys, shown_rows, shown_columns) + _differing(table.differs)
-    return Comparison(metric, rows, columns, shown_rows, shown_columns, cells, notes, flat, _environments(known))
+    notes += _modelled(metric, cells)
+    base = next((key for key in row_keys if label(key) == baseline), None) if baseline else None
+    if baseline and row_keys and base is None:
+        notes.insert(0, f"There is no row {baseline!r} to be the baseline: choose one of the table's.")
+    environments = _environments(known)
+    found = _row(table, base, shown_columns) if base else []
+    return Comparison(metric, rows, columns, shown_rows, shown_columns, cells, notes, flat, environments, found)
 
 
 def texts_of(facts: dict[str, Any]) -> Texts:
-    """A set-up's facts, or those of a flat row, as texts in the order of FACTS."""
-    return tuple(str(facts.get(name)) for name in FACTS)
+    """A set-up's facts, or those of a flat row, as texts in the order of FACTS and DERIVED."""
+    return (*(str(facts.get(name)) for name in FACTS), *derived_texts(facts))
 
 
 def read_dimensions(name: str, text: str) -> tuple[str, ...]:
@@ -181,8 +198,7 @@ class _Table:
         found = self._load(list(latest.values()))
         for pair, id_ in latest.items():
             row, count = found[id_], sum(group.results for group in self._pairs[pair])
-            figures = {key: read_figure(metric, row) for key, metric in METRICS.items()}
-            self.cells[pair] = Cell(row, figures, count, self.differs[pair])
+            self.cells[pair] = Cell(row, read_figures(row), count, self.differs[pair])
 
 
 def _by_cell(groups: list[Group], rows: Sequence[str], columns: Sequence[str]) -> dict[tuple[Key, Key], list[Group]]:
@@ -208,8 +224,11 @@ def _key_maker(dimensions: Sequence[str]) -> Callable[[Group], Key]:
 def _differs(groups: list[Group]) -> tuple[str, ...]:
     if len(groups) == 1:
         return ()
-    varying = [len(set(texts)) > 1 for texts in zip(*(group.texts for group in groups), strict=True)]
-    return tuple(name for name in SETUP if varying[PLACE[name]]) or tuple(v for v in VERSIONS if varying[PLACE[v]])
+    first, *others = (group.texts for group in groups)
+    varying: set[str] = set()
+    for texts in others:
+        varying.update(compress(PLACE, map(ne, first, texts)))
+    return tuple(name for name in SETUP if name in varying) or tuple(name for name in VERSIONS if name in varying)
 
 
 def _environments(groups: Iterable[Group]) -> list[str]:
@@ -269,6 +288,17 @@ def _left_out(
         f"The table has {len(rows)} rows and {len(columns)} columns: the first {len(shown_rows)} rows and {len(shown)} "
         "columns are shown. Filter, or put less on the rows or columns; the CSV has all of it."
     ]
+
+
+def _row(table: _Table, row: Key, columns: Sequence[Key]) -> list[Cell | None]:
+    table.read((row, column) for column in columns)
+    return [table.cells.get((row, column)) for column in columns]
+
+
+def _modelled(metric: Metric, cells: Sequence[Sequence[Cell | None]]) -> list[str]:
+    """What the shown figures' models say about themselves, where the metric is one."""
+    texts = dict.fromkeys(str(cell.row.get(metric.model) or "") for line in cells for cell in line if cell)
+    return [f"{metric.label}: {text}" for text in texts if text] if metric.model else []
 
 
 def _differing(differs: dict[tuple[Key, Key], tuple[str, ...]]) -> list[str]:

@@ -12,20 +12,21 @@ from sqlalchemy import exists, func, null, or_, select
 from sqlalchemy.orm import Session
 from starlette.datastructures import QueryParams
 
-from renderer.variant import AXES, expand
+from server.comparison.charts import CHARTS
+from server.comparison.filters import NAMES, read_filter, selected
 from server.comparison.metrics import DEFAULT_METRIC, METRICS, Metric, require_metric
 from server.comparison.pivot import COLUMN_OF, PLACE, CompareError, Comparison, Group, pivot, read_dimensions
+from server.comparison.ratios import CLOCKS, with_ratios
 from server.comparison.setup_cache import SetupCache, setups_of
-from server.comparison.stored_rows import StoredRows, read_rows, selected
+from server.comparison.stored_rows import StoredRows, read_rows
 from server.store.database import Database
-from server.store.models import FILTERS, Result, Study
+from server.store.models import Json, Result, Study
 
-MAX_CELLS = 600
+MAX_CELLS = 220
 """The most cells that a page or an answer shows; a CSV has all."""
 MAX_STUDIES = 20
 """The most studies that a page or an answer compares with each other."""
-CHARTS = ("speed", "error")
-OTHERS = ("metric", "rows", "cols", "columns", "sort", "study", "chart", "format", "shape")
+OTHERS = ("metric", "rows", "cols", "columns", "sort", "study", "baseline", "chart", "format", "shape", "cells")
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class Selection:
     columns: tuple[str, ...] = ("scene",)
     sort: str = ""
     chart: str = "speed"
+    baseline: str = ""
     study: int | None = None
     filters: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
@@ -52,6 +54,7 @@ class Selection:
             "rows": "" if self.rows == ("traversal",) else ",".join(self.rows),
             "cols": "" if self.columns == ("scene",) else ",".join(self.columns),
             "sort": self.sort,
+            "baseline": self.baseline,
             "chart": "" if self.chart == "speed" else self.chart,
             "study": "" if self.study is None else str(self.study),
         }
@@ -62,9 +65,9 @@ class Selection:
 
 def read_selection(params: QueryParams) -> Selection:
     """Read a query string; raise one of the project's errors, with one sentence, when it is wrong."""
-    unknown = [name for name in params if name not in FILTERS and name not in OTHERS]
+    unknown = [name for name in params if name not in NAMES and name not in OTHERS]
     if unknown:
-        raise CompareError(f"Unknown parameter {unknown[0]!r}: choose from {', '.join((*FILTERS, *OTHERS))}.")
+        raise CompareError(f"Unknown parameter {unknown[0]!r}: choose from {', '.join((*NAMES, *OTHERS))}.")
     chart = params.get("chart") or "speed"
     if chart not in CHARTS:
         raise CompareError(f"Unknown chart {chart!r}: choose one of {', '.join(CHARTS)}.")
@@ -74,8 +77,9 @@ def read_selection(params: QueryParams) -> Selection:
         columns=read_dimensions("columns", params.get("cols") or params.get("columns") or "scene"),
         sort=params.get("sort", ""),
         chart=chart,
+        baseline=params.get("baseline", ""),
         study=_read_study(params.get("study", "")),
-        filters={name: values for name in FILTERS if (values := _read_filter(name, params.getlist(name)))},
+        filters={name: values for name in NAMES if (values := read_filter(name, params.getlist(name)))},
     )
 
 
@@ -88,7 +92,11 @@ def load_comparison(database: Database, selection: Selection, limit: int | None 
         studies = None if limit is None else _newest_studies(session, selection)
         groups, flat = _read_groups(session, database, selection, studies)
         chosen = (selection.metric, selection.rows, selection.columns, selection.sort)
-        table = pivot(groups, partial(read_rows, session), flat, *chosen, limit)
+        whole: dict[int, Json] = {}
+        kept = whole if selection.baseline and selection.metric.key in CLOCKS else None
+        table = pivot(groups, partial(read_rows, session, whole=kept), flat, *chosen, limit, selection.baseline)
+    if table.base:
+        table = with_ratios(table, whole)
     if studies is not None:
         table.notes.insert(0, f"Only the newest {MAX_STUDIES} studies are looked at: filter to reach older ones.")
     return table
@@ -148,13 +156,6 @@ def _count(session: Session, setups: SetupCache, within: Sequence[Any], *, by_st
     rows = session.execute(query).all()
     texts = setups.texts(session, {setup for setup, *_ in rows})
     return [(setup, Group(texts[setup], number, count, latest)) for setup, number, count, latest in rows]
-
-
-def _read_filter(name: str, values: Sequence[str]) -> tuple[str, ...]:
-    given = [value for value in values if value]
-    if name in AXES:
-        return expand(name, ",".join(given)) if given else ()
-    return tuple(dict.fromkeys(given))
 
 
 def _read_study(text: str) -> int | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import threading
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -10,9 +11,10 @@ from weakref import WeakKeyDictionary
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from server.comparison.filters import NAMES
 from server.comparison.pivot import COLUMN_OF, PLACE, Group, Texts, texts_of
 from server.store.database import Database
-from server.store.models import FILTERS, Setup
+from server.store.models import Setup
 
 MANY = 500
 """How many missing set-ups are asked for by their ids; more are read with all others."""
@@ -29,7 +31,7 @@ class SetupCache:
         self._texts: dict[int, Texts] = {}
         self._fields: dict[int, tuple[str, ...]] = {}
         self._counted: tuple[Stamp, Counted] | None = None
-        self._values: dict[str, set[str]] = {name: set() for name in FILTERS}
+        self._values: dict[str, set[str]] = {name: set() for name in NAMES}
 
     def texts(self, session: Session, wanted: Collection[int]) -> Mapping[int, Texts]:
         """At least the wanted set-ups, which must exist."""
@@ -72,6 +74,10 @@ class SetupCache:
                 self._texts[number] = texts
                 for name, values in self._values.items():
                     values.add(texts[PLACE[COLUMN_OF.get(name, name)]])
+        if len(missing) > MANY:
+            # They stay as long as the process: no later collection need look through them and all that was imported.
+            gc.collect()
+            gc.freeze()
 
 
 _CACHES: WeakKeyDictionary[Database, SetupCache] = WeakKeyDictionary()

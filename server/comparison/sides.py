@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from server.comparison.derived import DERIVED, read_derived
 from server.comparison.differences import FIXED, SETUP, setup_of
 
 STORED = ("job", "study")
@@ -37,7 +38,7 @@ class Side:
 
 def read_side(text: str) -> Side:
     """Read `SOURCE[,NAME=VALUE]...` or `NAME=VALUE[,NAME=VALUE]...`; raise SideError."""
-    first, *rest = [word.strip() for word in text.split(",")]
+    first, *rest = _words(text)
     kind, colon, number = first.partition(":")
     if colon and kind in STORED:
         if not (number.isascii() and number.isdigit() and 0 < int(number[:20]) <= MAX_ID):
@@ -81,11 +82,22 @@ def read_results(path: str) -> list[dict[str, Any]]:
     return results
 
 
+def _words(text: str) -> list[str]:
+    """A side's words; the comma between SAH costs (`sah=3.0,1.5`) parts none."""
+    words: list[str] = []
+    for word in (part.strip() for part in text.split(",")):
+        if words and words[-1].startswith("sah=") and "," not in words[-1] and "=" not in word:
+            words[-1] += f",{word}"
+        else:
+            words.append(word)
+    return words
+
+
 def _filters(words: Iterable[str]) -> dict[str, str]:
     filters: dict[str, str] = {}
     for word in words:
         name, equals, value = word.partition("=")
         if not equals or name not in SETUP:
             raise SideError(f"The filter {word!r} is not understood: write NAME=VALUE with one of {', '.join(SETUP)}.")
-        filters[name] = value
+        filters[name] = read_derived(name, value) if name in DERIVED else value
     return filters

@@ -2,34 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import json
+import re
+from collections.abc import Iterator, Sequence
 from datetime import datetime
+from itertools import islice
 from typing import Any
 
-from sqlalchemy import Select, select
+from sqlalchemy import Text, cast, select
 from sqlalchemy.orm import Session
 
-from server.comparison.flat import Stored, flatten, without_raw
+from server.comparison.flat import LINES, Stored, flatten, without_raw
 from server.comparison.pivot import Row
 from server.store.database import Database
 from server.store.models import Json, Result
 
 PAGE = 500
-COLUMNS = (Result.id, Result.job_id, Result.study_id, Result.recorded_at, Result.document)
+KNOWN = (Result.id, Result.job_id, Result.study_id, Result.recorded_at)
+TEXTS = (*KNOWN, cast(Result.document, Text))
+
+# Most of a document is its frames. Within a JSON text a quote has a backslash before it, so this matches no text.
+_FRAMES = re.compile(r'("frames_(?:cpu_|gpu_)?ms": *)(\[[^\[\]{}"]*\])')
 
 
-def read_rows(session: Session, ids: Sequence[int]) -> dict[int, Row]:
-    """The flat rows of results by their ids, without raw series."""
+def read_rows(session: Session, ids: Sequence[int], whole: dict[int, Json] | None = None) -> dict[int, Row]:
+    """The flat rows of results by their ids, without raw series; `whole` is given their documents, by their jobs."""
     found: dict[int, Row] = {}
     for first in range(0, len(ids), PAGE):
-        found |= _rows(session, select(*COLUMNS).where(Result.id.in_(ids[first : first + PAGE])), raw=False)
+        query = select(*TEXTS).where(Result.id.in_(ids[first : first + PAGE]))
+        for number, job, study, at, text in session.execute(query):
+            document = json.loads(text if whole is not None else _FRAMES.sub(r"\1[]", text))
+            found[number] = flatten(Stored(job, study, at.isoformat(), without_raw(document)))
+            if whole is not None:
+                whole[job] = document
     return found
-
-
-def selected(filters: Mapping[str, Sequence[str]], study: int | None) -> list[Any]:
-    """The conditions for results of a study with one of the given values in every filtered column."""
-    conditions: list[Any] = [getattr(Result, name).in_(values) for name, values in filters.items()]
-    return conditions if study is None else [*conditions, Result.study_id == study]
 
 
 class StoredRows:
@@ -54,19 +60,37 @@ class StoredRows:
 
     def __iter__(self) -> Iterator[Row]:
         """Read them, the newest first."""
+        return self.rows()
+
+    def rows(self, *, lists: bool = False) -> Iterator[Row]:
+        """Read them, the newest first, with lists as JSON text or as they are."""
+        for _, job, study, at, text in self._read(*TEXTS):
+            # Frames that are written as JSON text need not be read.
+            document = json.loads(text if lists else _FRAMES.sub(r'\1"\2"', text))
+            yield flatten(Stored(job, study, at.isoformat(), document), lists=lists)
+
+    def json_lines(self) -> Iterator[str]:
+        """The whole results, the newest first, one a line, each with its `job`, `study` and `recorded_at`.
+
+        Some lines come at once: a response takes longer for a piece than for a line.
+        """
+        found = self._read(*TEXTS)
+        while lines := [_json_line(*row) for row in islice(found, LINES)]:
+            yield "".join(lines)
+
+    def _read(self, *columns: Any) -> Iterator[Any]:
         before = self._newest + 1
-        page = select(*COLUMNS).where(*self._conditions).order_by(Result.id.desc()).limit(PAGE)
+        page = select(*columns).where(*self._conditions).order_by(Result.id.desc()).limit(PAGE)
         while True:
             with self._database.reading() as session:
-                found = _rows(session, page.where(Result.id < before))
-            yield from found.values()
+                found = session.execute(page.where(Result.id < before)).all()
+            yield from found
             if len(found) < PAGE:
                 return
-            before = min(found)
+            before = found[-1][0]
 
 
-def _rows(session: Session, query: Select[int, int, int | None, datetime, Json], *, raw: bool = True) -> dict[int, Row]:
-    return {
-        number: flatten(Stored(job, study, at.isoformat(), document if raw else without_raw(document)))
-        for number, job, study, at, document in session.execute(query)
-    }
+def _json_line(_: int, job: int, study: int | None, at: datetime, text: str) -> str:
+    known = json.dumps({"job": job, "study": study, "recorded_at": at.isoformat()})
+    # In JSON a line's end can only stand between words.
+    return f"{known[:-1]}, {text.replace(chr(10), ' ').strip()[1:]}\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from server.comparison.figures import write_figure, write_interval, write_value
+from server.comparison.figures import write_figure, write_interval, write_times, write_value
 from server.comparison.metrics import METRICS, Figure, Metric
 from server.comparison.pivot import Cell, Comparison
 
@@ -41,6 +41,17 @@ class Bar:
 
 
 @dataclass(frozen=True)
+class RatioView:
+    """A ratio to the baseline; `links` are (text, address) of what shows the pair. `text` is empty without a ratio."""
+
+    text: str
+    interval: str
+    verdict: str
+    note: str
+    links: list[tuple[str, str]]
+
+
+@dataclass(frozen=True)
 class CellView:
     """One cell of the page's table; `clear` says that its column's best is apart from the others' intervals."""
 
@@ -54,6 +65,7 @@ class CellView:
     lines: list[Line]
     note: str
     job: int
+    ratio: RatioView | None
 
 
 def view_cells(table: Comparison) -> list[list[CellView | None]]:
@@ -62,13 +74,14 @@ def view_cells(table: Comparison) -> list[list[CellView | None]]:
     best = [_best(table.metric, column) for column in columns]
     scale = [_scale(table.metric, column) for column in columns]
     clear = [_is_clear(table.metric, column, cell) for column, cell in zip(columns, best, strict=True)]
+    base = table.base or [None] * len(columns)
     return [
-        [_view(table.metric, c, c is best[j], clear[j], scale[j]) if c else None for j, c in enumerate(line)]
+        [_view(table.metric, c, base[j], c is best[j], clear[j], scale[j]) if c else None for j, c in enumerate(line)]
         for line in table.cells
     ]
 
 
-def _view(metric: Metric, cell: Cell, best: bool, clear: bool, scale: float) -> CellView:
+def _view(metric: Metric, cell: Cell, base: Cell | None, best: bool, clear: bool, scale: float) -> CellView:
     figure = cell.figures[metric.key]
     measured = figure.value is not None
     return CellView(
@@ -82,6 +95,27 @@ def _view(metric: Metric, cell: Cell, best: bool, clear: bool, scale: float) -> 
         lines=[_line(cell, key) for key in SHOWN if key != metric.key],
         note=_note(cell),
         job=int(cell.row["job"]),
+        ratio=_ratio(cell, base),
+    )
+
+
+def _ratio(cell: Cell, base: Cell | None) -> RatioView | None:
+    ratio = cell.ratio
+    if ratio is None:
+        return None
+    if ratio.verdict == "baseline" or base is None:
+        return RatioView("", "", ratio.verdict or "", ratio.note, [])
+    pair = f"baseline=job:{base.row['job']}&against=job:{cell.row['job']}"
+    links = [] if ratio.verdict is None else [("difference", f"/difference?{pair}")]
+    if base.row.get("pictures_image") and cell.row.get("pictures_image"):
+        links.append(("pictures", f"/pictures?baseline={base.row['job']}&against={cell.row['job']}"))
+    ends = (
+        ""
+        if ratio.low is None or ratio.high is None
+        else f"{write_times(ratio.low)[:-1]}–{write_times(ratio.high)[:-1]}"
+    )
+    return RatioView(
+        "" if ratio.value is None else write_times(ratio.value), ends, ratio.verdict or "", ratio.note, links
     )
 
 

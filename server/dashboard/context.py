@@ -6,14 +6,27 @@ from dataclasses import dataclass
 from typing import Any
 
 from renderer.variant import AXES
+from server.comparison.charts import CHARTS, metrics_of, points_of
+from server.comparison.filters import NAMES
 from server.comparison.metrics import METRICS
 from server.comparison.pivot import DIMENSIONS, Comparison, label
-from server.comparison.selection import CHARTS, Selection
+from server.comparison.selection import Selection
 from server.dashboard.cells import view_cells
-from server.store.models import FILTERS
 
 LAYOUTS = ("traversal", "method", "layout", "traversal,method", "traversal,layout", "traversal,method,layout", "scene")
-COLUMNS = ("scene", "device", "method", "layout", "scene,method", "scene,layout", "scene,device", "traversal", "size")
+COLUMNS = (
+    "scene",
+    "device",
+    "method",
+    "layout",
+    "scene,method",
+    "scene,layout",
+    "scene,device",
+    "traversal",
+    "size",
+    "sah",
+    "specialise",
+)
 
 
 @dataclass(frozen=True)
@@ -29,8 +42,11 @@ def comparison_context(
     table: Comparison, selection: Selection, known: dict[str, list[str]], studies: list[tuple[int, str]]
 ) -> dict[str, Any]:
     """Everything on the comparison page."""
+    chart = CHARTS[selection.chart]
+    across, up = metrics_of(chart, table)
     return {
         "table": table,
+        "newcomer": not known["scene"],
         "cells": view_cells(table),
         "selection": selection,
         "query": selection.query(),
@@ -38,7 +54,12 @@ def comparison_context(
         "rows": _dimensions(LAYOUTS, selection.rows),
         "columns": _dimensions(COLUMNS, selection.columns),
         "sorts": _sorts(table, selection),
-        "charts": [Option(key, _CHART_LABELS[key], key == selection.chart) for key in CHARTS],
+        "charts": [Option(key, one.label, key == selection.chart) for key, one in CHARTS.items()],
+        "chart": {"title": chart.title or f"{up.label}, with 95 % intervals", "front": chart.front},
+        "axes": {"x": across, "y": up},
+        "points": points_of(chart, table),
+        "baselines": _baselines(table, selection),
+        "exports": [(name, f"/api/v1/compare?{selection.query(format=form)}") for form, name in EXPORTS.items()],
         "studies": [Option(str(key), f"{key}: {name}", key == selection.study) for key, name in studies],
         "filters": _filters(known, selection),
         "environments": table.environments,
@@ -47,7 +68,21 @@ def comparison_context(
     }
 
 
-_CHART_LABELS = {"speed": "the metric, with intervals", "error": "speed against error"}
+EXPORTS = {
+    "csv": "CSV",
+    "parquet": "Parquet",
+    "jsonl": "JSON Lines",
+    "markdown": "Markdown",
+    "latex": "LaTeX",
+}
+
+
+def _baselines(table: Comparison, selection: Selection) -> list[Option]:
+    names = dict.fromkeys(
+        [*(label(key) for key in table.row_keys), *([selection.baseline] if selection.baseline else [])]
+    )
+    chosen = selection.baseline
+    return [Option("", "none", not chosen), *(Option(name, name, name == chosen) for name in names)]
 
 
 def _dimensions(offered: tuple[str, ...], chosen: tuple[str, ...]) -> list[Option]:
@@ -75,7 +110,7 @@ def _sort_link(selection: Selection, column: str) -> str:
 def _filters(known: dict[str, list[str]], selection: Selection) -> list[tuple[str, list[Option]]]:
     """A group of choices for every filter with a choice to make, in the axes' own order."""
     groups = []
-    for name in FILTERS:
+    for name in NAMES:
         chosen = selection.filters.get(name, ())
         order = AXES.get(name, ())
         values = sorted({*known[name], *chosen}, key=lambda v: (order.index(v) if v in order else len(order), v))

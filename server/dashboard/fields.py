@@ -1,13 +1,15 @@
-"""A result's fields for its page, grouped as DESIGN.md names them."""
+"""A result's fields for its page, grouped as DESIGN.md names them, and a profile's metrics."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 from server.comparison.figures import NOT_MEASURED
 
 Field = tuple[str, str, bool]
+FIGURES = ("count", "mean", "median", "min", "max")
 
 
 def result_fields(document: dict[str, Any]) -> list[tuple[str, list[Field]]]:
@@ -33,3 +35,16 @@ def _text(value: Any) -> str:
     if isinstance(value, list):
         return ", ".join(_text(item) for item in value) or "none"
     return json.dumps(value)
+
+
+def metric_rows(metrics: Sequence[dict[str, Any]]) -> list[list[str]]:
+    """A profile's metrics as texts: name, unit, number of values, mean, median, least, greatest."""
+    return [
+        [_series_name(metric), metric["unit"] or "", *(_text(metric[name]) for name in FIGURES)] for metric in metrics
+    ]
+
+
+def _series_name(metric: dict[str, Any]) -> str:
+    instance = f"[{metric['instance']}]" if metric["instance"] else ""
+    source = f" ({metric['source']})" if metric["source"] else ""
+    return f"{metric['name']}{instance}{source}"

@@ -9,7 +9,17 @@ from fastapi import APIRouter, FastAPI
 from fastapi.responses import FileResponse, Response
 from fastapi.staticfiles import StaticFiles
 
-from server.dashboard import page_compare, page_devices, page_job, page_studies, page_submit
+from server.dashboard import (
+    page_compare,
+    page_devices,
+    page_difference,
+    page_job,
+    page_pictures,
+    page_report,
+    page_scenes,
+    page_studies,
+    page_submit,
+)
 from server.dashboard.templates import FOLDER
 
 router = APIRouter(include_in_schema=False)
@@ -17,7 +27,17 @@ router = APIRouter(include_in_schema=False)
 
 def install(app: FastAPI) -> None:
     """Add the pages and their static files to an application."""
-    for page in (page_compare, page_studies, page_job, page_submit, page_devices):
+    for page in (
+        page_compare,
+        page_difference,
+        page_studies,
+        page_report,
+        page_job,
+        page_submit,
+        page_devices,
+        page_pictures,
+        page_scenes,
+    ):
         app.include_router(page.router)
     app.include_router(router)
     app.mount("/static", StaticFiles(directory=FOLDER / "static"), name="static")

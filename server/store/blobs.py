@@ -1,24 +1,24 @@
-"""Blobs: files named by the SHA-256 of their content, gzipped, in one folder. They are only ever added."""
+"""Blobs: files named by the SHA-256 of their content, gzipped, in a folder or a bucket. They are only ever added."""
 
 from __future__ import annotations
 
 import gzip
 import hashlib
-import os
 import shutil
-import tempfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-CHUNK = 1 << 18
+from server.store.blob_places import CHUNK, BlobError, open_place
+
+__all__ = ["BlobError", "Blobs", "Incoming"]
+
 LEVEL = 1
 """Profiles are figures as text: more than the least effort takes three times as long for a tenth of the size."""
-
-
-class BlobError(RuntimeError):
-    """A folder that cannot be used, or a blob that is not in it; the message is one sentence that says what to do."""
+WITH_HEADER = 31
+"""zlib's `wbits` for gzip."""
 
 
 class Incoming:
@@ -47,62 +47,63 @@ class Incoming:
 
 
 class Blobs:
-    """The blobs of a folder, which is made when it is first written to."""
+    """The blobs of a place: a folder, or `s3://bucket/prefix`."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder.expanduser()
+    def __init__(self, where: Path | str) -> None:
+        self.where = str(where)
+        self._place = open_place(where)
 
     @contextmanager
     def receiving(self) -> Iterator[Incoming]:
-        """A file to be written; raise BlobError when the folder cannot be."""
-        with self._writing("incoming-") as (file, path):
+        """A file to be written; raise BlobError when it cannot be."""
+        with self._place.scratch("incoming-") as (file, path):
             yield Incoming(file, path)
 
     def keep(self, incoming: Incoming) -> str:
         """Make a blob of what was received, whole or not at all; return its name."""
         incoming.flush()
         name = incoming.sha256
-        target = self._path(name)
-        if not target.exists():
-            with self._writing("packing-") as (file, path), incoming.path.open("rb") as source:
-                # No name and no time in the header: the same content gives the same bytes.
-                with gzip.GzipFile("", "wb", LEVEL, file, mtime=0) as packed:
-                    shutil.copyfileobj(source, packed, CHUNK)
-                file.flush()
-                os.fsync(file.fileno())
-                target.parent.mkdir(exist_ok=True)
-                os.replace(path, target)
+        self._keep(name, incoming.path)
         return name
+
+    def keep_file(self, path: Path, sha256: str) -> None:
+        """Make a blob of a file; raise BlobError when it is not there or is not what the digest says."""
+        try:
+            with path.open("rb") as file:
+                found = hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError as error:
+            raise BlobError(f"The file {path.name} cannot be read ({error.strerror}): measure again.") from error
+        if found != sha256:
+            raise BlobError(f"The file {path.name} has another content than its name says: measure again.")
+        self._keep(sha256, path)
 
     def read(self, name: str) -> Iterator[bytes]:
         """A blob's content, piece by piece; raise BlobError at once when it is not there."""
-        try:
-            packed = gzip.open(self._path(name), "rb")  # noqa: SIM115
-        except OSError as error:
-            raise BlobError(f"The file is not in this server's folder {self.folder}: set RAYFARM_BLOBS.") from error
-        return _pieces(packed)
+        return _unpacked(self._place.open(name))
 
-    def _path(self, name: str) -> Path:
-        return self.folder / name[:2] / f"{name}.gz"
-
-    @contextmanager
-    def _writing(self, prefix: str) -> Iterator[tuple[BinaryIO, Path]]:
-        path = None
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(prefix=prefix, dir=self.folder)
-            path = Path(name)
-            with os.fdopen(handle, "wb") as file:
-                yield file, path
-        except OSError as error:
-            reason = error.strerror or str(error)
-            raise BlobError(f"The folder {self.folder} cannot be written ({reason}): set RAYFARM_BLOBS.") from error
-        finally:
-            if path is not None:
-                path.unlink(missing_ok=True)
+    def _keep(self, name: str, path: Path) -> None:
+        if self._place.has(name):
+            return
+        with self._place.scratch("packing-") as (file, packing), path.open("rb") as source:
+            # No name and no time in the header: the same content gives the same bytes.
+            with gzip.GzipFile("", "wb", LEVEL, file, mtime=0) as packed:
+                shutil.copyfileobj(source, packed, CHUNK)
+            self._place.add(name, file, packing)
 
 
-def _pieces(packed: gzip.GzipFile) -> Iterator[bytes]:
-    with packed:
-        while chunk := packed.read(CHUNK):
-            yield chunk
+def _unpacked(packed: Iterator[bytes]) -> Iterator[bytes]:
+    """What gzip packed, in pieces of at most CHUNK bytes however well it was packed."""
+    unpacker = zlib.decompressobj(WITH_HEADER)
+    try:
+        for piece in packed:
+            rest = piece
+            while rest:
+                if content := unpacker.decompress(rest, CHUNK):
+                    yield content
+                rest = unpacker.unconsumed_tail
+        if content := unpacker.flush():
+            yield content
+    except zlib.error as error:
+        raise BlobError("A stored file is damaged: it does not unpack.") from error
+    if not unpacker.eof:
+        raise BlobError("A stored file is damaged: it ends too soon.")

@@ -17,6 +17,7 @@ from starlette.datastructures import QueryParams
 from renderer.request import Request
 from renderer.variant import Variant
 from server.comparison import selection
+from server.comparison.differences import setup_of
 from server.comparison.flat import COLUMNS, Stored, csv_lines, flatten
 from server.comparison.pivot import Comparison, compare
 from server.comparison.selection import known_values, load_comparison, load_rows, read_selection
@@ -37,6 +38,10 @@ QUERIES = (
     "sort=forest&cols=scene&rows=traversal,method",
     "rows=family&cols=rays",
     "scene=bunny",
+    "rows=sah,specialise&cols=size,rays",
+    "sah=3,1.5&sah=1,2&specialise=on&rows=traversal,sah",
+    "specialise=off&size=8x8&rays=both&rows=specialise",
+    "sah=None,None",
 )
 
 
@@ -50,7 +55,7 @@ def made(draw: random.Random) -> dict[str, Any]:
         "family": None,
         "device": {"id": device, "name": pick((f"the {device}", None)), "driver": "Mesa", "threads": 1},
         **variant.as_dict(),
-        "sah": {"traversal": 3.0, "intersection": 1.5, "cost": 31.5},
+        "sah": pick(({"traversal": 3.0, "intersection": 1.5}, {"traversal": 1.0, "intersection": 2.0}, None)),
         "size": pick(([8, 8], [16, 8])),
         "rays_kind": "both",
         "frame_ms": {"median": 20.0, "ci_low": 18.0, "ci_high": 22.0},
@@ -58,7 +63,7 @@ def made(draw: random.Random) -> dict[str, Any]:
         "mrays_per_s": draw.random(),
         "per_ray": {"nodes": draw.random(), "lines": None},
         "error": {"false_hit": 0.0, "false_miss": draw.random(), "wrong_primitive": 0.0},
-        "specialised": ["normals"],
+        "specialised": pick((["normals"], [], None)),
         "versions": {"rayfarm": pick(("0.1.0", "0.2.0")), "shader_sha": "ab" * 8, "plan": 1},
     }
     return found | ({"vs_embree": None, "a field of its own": [1, 2]} if draw.random() < 0.1 else {})
@@ -91,7 +96,7 @@ def expected(stored: list[Stored], query: str) -> Comparison:
     asked = read_selection(QueryParams(query))
 
     def fits(one: Stored) -> bool:
-        values = one.document | {"device": one.document["device"]["id"]}
+        values = one.document | setup_of(one.document)
         fitting = all(values[name] in chosen for name, chosen in asked.filters.items())
         return fitting and asked.study in (None, one.study)
 

@@ -1,73 +1,100 @@
 // Draws what the table shows, from the API's answer to the same query string.
 const SYMBOLS = ["circle", "diamond", "square", "triangle-up", "cross", "star"];
 const holder = document.getElementById("chart");
-const title = document.getElementById("chart-title");
+const { x: xKey, y: yKey, front } = holder.dataset;
 
 // plotly reads a few HTML tags in texts: names stay names.
 const plain = (text) => text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll(">", "&gt;");
 const label = (key) => plain(Object.values(key).join(" / "));
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
-function cellsOf(view, column) {
-  return view.table.map((row) => ({ name: label(row.key), cell: row.cells[column] })).filter((entry) => entry.cell);
+function away(figures) {
+  const end = (name) => figures.map((f) => (f[name] === null ? 0 : Math.abs(f[name] - f.value)));
+  return { type: "data", array: end("high"), arrayminus: end("low"), thickness: 1.5, width: 4 };
 }
 
-function metricTrace(view, column, index) {
-  const key = view.metric.key;
-  const entries = cellsOf(view, index).filter(({ cell }) => cell.figures[key].value !== null);
-  const figures = entries.map(({ cell }) => cell.figures[key]);
-  const away = (end) => figures.map((f) => (f[end] === null ? 0 : Math.abs(f[end] - f.value)));
+function entriesOf(view, column) {
+  const entries = view.table.map((row, place) => ({ name: label(row.key), place, cell: row.cells[column] }));
+  const keys = xKey ? [xKey, yKey] : [yKey];
+  return entries.filter(({ cell }) => cell && keys.every((key) => cell.figures[key].value !== null));
+}
+
+// Without a horizontal metric the variants stand on the vertical axis and the metric lies along the other.
+function points(view, column) {
+  const entries = entriesOf(view, column);
+  const names = entries.map(({ name }) => name);
+  const ups = entries.map(({ cell }) => cell.figures[yKey]);
+  if (!xKey) return { x: ups.map((f) => f.value), y: names, error_x: away(ups) };
+  const across = entries.map(({ cell }) => cell.figures[xKey]);
+  const on = front ? view.pareto[front][column] : null;
+  const filled = entries.map(({ place }) => !on || on.includes(place));
   return {
-    x: figures.map((f) => f.value),
-    y: entries.map(({ name }) => name),
-    error_x: { type: "data", array: away("high"), arrayminus: away("low"), thickness: 1.5, width: 4 },
+    x: across.map((f) => f.value),
+    y: ups.map((f) => f.value),
+    text: names,
+    error_x: away(across),
+    error_y: away(ups),
+    filled,
   };
 }
 
-function errorTrace(view, column, index) {
-  const entries = cellsOf(view, index).filter(
-    ({ cell }) => cell.figures.error_total.value !== null && cell.figures.mrays_per_s.value !== null,
-  );
-  const speeds = entries.map(({ cell }) => cell.figures.mrays_per_s);
-  const away = (end) => speeds.map((f) => (f[end] === null ? 0 : Math.abs(f[end] - f.value)));
-  return {
-    x: entries.map(({ cell }) => cell.figures.error_total.value),
-    y: speeds.map((f) => f.value),
-    text: entries.map(({ name }) => name),
-    error_y: { type: "data", array: away("high"), arrayminus: away("low"), thickness: 1.5, width: 4 },
-  };
-}
-
-function traces(view, make) {
+function traces(view) {
   const colours = style("--series").split(" ");
-  return view.column_keys.map((column, index) => ({
+  return view.column_keys.flatMap((key, column) => {
+    const { filled, ...found } = points(view, column);
+    const color = colours[column % colours.length];
+    const symbol = SYMBOLS[column % SYMBOLS.length];
+    const symbols = filled ? filled.map((on) => (on ? symbol : `${symbol}-open`)) : symbol;
+    const name = label(key);
+    const marks = { type: "scatter", mode: "markers", name, marker: { size: 10, symbol: symbols, color }, ...found };
+    return [marks, ...frontOf(view, column, name, color)];
+  });
+}
+
+// Between two points of the front the better speed is to be had only at the second's cost: a stair, no slope.
+function frontOf(view, column, name, color) {
+  const places = front ? view.pareto[front][column] : null;
+  if (!places || places.length === 0) return [];
+  const figures = places.map((place) => view.table[place].cells[column].figures);
+  return [{
     type: "scatter",
-    mode: "markers",
-    name: label(column),
-    marker: { size: 10, symbol: SYMBOLS[index % SYMBOLS.length], color: colours[index % colours.length] },
-    ...make(view, column, index),
-  }));
+    mode: "lines",
+    name: `${name}, Pareto front`,
+    x: figures.map((f) => f[xKey].value),
+    y: figures.map((f) => f[yKey].value),
+    line: { color, width: 1.5, dash: "dot", shape: "hv" },
+    hoverinfo: "skip",
+    showlegend: figures.length > 1,
+  }];
 }
 
-// Zero is a result here, so it stands clear of the frame, also where every error is zero.
-function errorRange(data) {
-  const greatest = Math.max(1e-6, ...data.flatMap((trace) => trace.x));
-  return [-0.05 * greatest, 1.1 * greatest];
+// Zero is a result here, so it stands clear of the frame, also where every value is zero.
+function range(values, kind) {
+  const greatest = Math.max(kind === "fraction" ? 1e-6 : 0, ...values);
+  return greatest > 0 ? [-0.04 * greatest, 1.1 * greatest] : [-0.04, 1.1];
 }
 
-function layout(view, kind, data) {
-  const axis = { gridcolor: style("--line"), zerolinecolor: style("--line"), rangemode: "tozero", automargin: true };
-  const metric = plain(`${view.metric.label}${view.metric.unit ? `, ${view.metric.unit}` : ""}`);
+function axis(side, values) {
+  const { [`${side}Label`]: name, [`${side}Unit`]: unit, [`${side}Kind`]: kind } = holder.dataset;
+  const shared = { gridcolor: style("--line"), zerolinecolor: style("--quiet"), automargin: true };
+  const title = { text: plain(kind === "fraction" ? `${name}, fraction ${unit}` : unit ? `${name}, ${unit}` : name) };
+  const digits = kind === "bytes" ? { tickformat: "~s", ticksuffix: "B" } : { exponentformat: "power" };
+  return { ...shared, ...digits, title, range: range(values, kind) };
+}
+
+function ends(data, side) {
+  const reach = (trace) => trace[side].map((value, i) => value + (trace[`error_${side}`]?.array[i] ?? 0));
+  return data.filter((trace) => trace.mode === "markers").flatMap(reach);
+}
+
+function layout(view, data) {
   const names = view.table.map((row) => label(row.key));
-  const category = { ...axis, rangemode: "normal", type: "category", categoryarray: names, autorange: "reversed" };
-  const byMetric = { xaxis: { ...axis, title: { text: metric } }, yaxis: category };
-  const byError = {
-    xaxis: { ...axis, rangemode: "normal", range: errorRange(data), exponentformat: "power", title: { text: "error, fraction of rays" } },
-    yaxis: { ...axis, title: { text: "speed, Mray/s" } },
-  };
+  const category = { automargin: true, gridcolor: style("--line"), type: "category", categoryarray: names, autorange: "reversed" };
+  const axes = xKey
+    ? { xaxis: axis("x", ends(data, "x")), yaxis: axis("y", ends(data, "y")), height: 460 }
+    : { xaxis: axis("y", ends(data, "x")), yaxis: category, height: 140 + 44 * names.length };
   return {
-    ...(kind === "error" ? byError : byMetric),
-    height: kind === "error" ? 420 : 140 + 44 * names.length,
+    ...axes,
     margin: { t: 16, r: 24, b: 56, l: 64 },
     paper_bgcolor: "rgba(0,0,0,0)",
     plot_bgcolor: "rgba(0,0,0,0)",
@@ -78,14 +105,13 @@ function layout(view, kind, data) {
 }
 
 async function draw() {
-  const kind = holder.dataset.chart;
   const answer = await fetch(`/api/v1/compare${location.search}`);
   if (!answer.ok) return;
   const view = await answer.json();
-  title.textContent = kind === "error" ? "Speed against error" : `${view.metric.label}, with 95 % intervals`;
-  const data = traces(view, kind === "error" ? errorTrace : metricTrace);
-  const options = { displayModeBar: false, responsive: true };
-  await window.Plotly.react(holder, data, layout(view, kind, data), options);
+  const data = traces(view);
+  const form = layout(view, data);
+  holder.style.height = `${form.height}px`;
+  await window.Plotly.react(holder, data, form, { displayModeBar: false, responsive: true });
   holder.dataset.drawn = "yes";
 }
 
