@@ -1,4 +1,4 @@
-"""Every text that a plan can hold is valid ES 3.1, by the reference compiler."""
+"""The texts of plans are valid ES 3.1, by the reference compiler."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import shutil
 import subprocess
 from collections.abc import Iterator
 from functools import cache
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from renderer.glsl import digest, flatten
 from renderer.plan import Plan
 from renderer.planner import LOOP_BUDGET, Reads
 from renderer.request import RAYS
-from renderer.variant import AXES, TRAVERSALS, matrix
+from renderer.variant import AXES, TRAVERSALS, Variant, matrix
 from scenes.scene import Scene
 
 SUFFIX = {"vertex": "vert", "fragment": "frag", "compute": "comp"}
@@ -44,11 +45,28 @@ def large() -> Scene:
     return scene("passes", duplicates(LOOP_BUDGET))
 
 
+TOGETHER = (
+    ("method", "layout", "box"),
+    ("method", "intersector", "offset"),
+    ("layout", "intersector", "box"),
+    ("layout", "offset", "box"),
+)
+"""Axes whose values meet each other in every combination; a text is put together of a part for each axis."""
+
+
+def variants(traversal: str, rays: str) -> list[Variant]:
+    """The variants of a traversal in which any two values of different axes meet."""
+    found: dict[Variant, None] = {}
+    for axes in TOGETHER:
+        chosen = {"traversal": (traversal,), **{axis: AXES[axis] for axis in axes}}
+        found |= dict.fromkeys(matrix(chosen, rays)[0])
+    return list(found)
+
+
 def plans(traversal: str) -> Iterator[Plan]:
-    """Every plan of a traversal: all other axes, what is timed, instrumented, recording or not, fitted or general."""
-    axes = {axis: values for axis, values in AXES.items() if axis not in ("traversal", "builder")}
+    """Every plan of those variants: what is timed, instrumented, recording or not, fitted or general."""
     for rays in RAYS:
-        for variant in matrix({"traversal": (traversal,), **axes}, rays)[0]:
+        for variant in variants(traversal, rays):
             for shown in (*scenes(), large()) if variant.structure == "none" else scenes():
                 for specialise in (True, False):
                     ready = prepared(shown, variant, (64, 64), rays=rays, specialise=specialise)
@@ -69,6 +87,12 @@ def test_texts_are_valid(traversal: str, tmp_path: Path) -> None:
     assert len(files) > 20
     done = subprocess.run([validator(), *files], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
+
+
+def test_any_two_axes_meet() -> None:
+    axes = {axis for axis, values in AXES.items() if len(values) > 1} - {"traversal", "builder"}
+    met = {pair for group in TOGETHER for pair in combinations(sorted(group), 2)}
+    assert met == set(combinations(sorted(axes), 2))
 
 
 def test_the_validator_refuses_a_bad_text(tmp_path: Path) -> None:
