@@ -9,9 +9,9 @@ import typer
 from rich.console import Console
 
 from server.cli.alarms import SAME, show_alarms
-from server.cli.common import SOME_FAILED, Client, ClientError, JsonFlag
+from server.cli.common import SOME_FAILED, Client, ClientError, JsonFlag, make_console
 from server.cli.follow import follow_study
-from server.cli.paper_report import REPORT, report_path, report_there
+from server.cli.paper_report import REPORT, print_verdicts, report_path, report_there
 from server.cli.submit import show_study
 
 Json = dict[str, Any]
@@ -112,7 +112,10 @@ def _watch(client: Client, posted: Json, report: Path | None, as_json: bool) -> 
         return _watch_alarms(client, number, as_json)
     code = show_study(client, posted, as_json)
     if path is not None:
-        notes.print(report_there(client, number, path), markup=False)
+        written = report_there(client, number, path)
+        if not as_json:
+            print_verdicts(written.verdicts, make_console())
+        notes.print(written.text, markup=False)
     return code
 
 

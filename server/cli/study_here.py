@@ -17,7 +17,7 @@ from renderer.request import Request, parse_size
 from server.cli.alarms import SAME, show_alarms
 from server.cli.common import SOME_FAILED, ClientError, make_console
 from server.cli.journal import Journal, Kept, open_journal
-from server.cli.paper_report import report_here, report_path
+from server.cli.paper_report import print_verdicts, report_here, report_path
 from server.cli.progress import Pace, slices_bar
 from server.cli.table import print_comparison
 from server.live.time_left import write_left
@@ -51,9 +51,13 @@ def study_here(
         documents = [result for result in results if isinstance(result, dict)]
         if output is not None:
             output.write_text("".join(json.dumps(document) + "\n" for document in documents), encoding="utf-8")
-        _show(name, documents, as_json)
+        if path is None or as_json:
+            _show(name, documents, as_json)
         if path is not None and documents:
-            console.print(report_here(documents, journal.pictures, path), markup=False, highlight=False, soft_wrap=True)
+            written = report_here(documents, journal.pictures, path)
+            if not as_json:
+                print_verdicts(written.verdicts, make_console())
+            console.print(written.text, markup=False, highlight=False, soft_wrap=True)
         failed = _tell_failures(planned, results)
         if not failed:
             journal.remove()

@@ -19,7 +19,7 @@ _ROLES = {
     "Fairy Forest": FAIRY,
     "Crytek Sponza": SPONZA,
 }
-_SAME = {"cornell-box", "cornell-buddha", "fairy-forest", "crytek-sponza"}
+_SAME = {"cornell-box", "fairy-forest", "crytek-sponza"}
 
 
 def scene_for(names: Iterable[str], wanted: tuple[str, ...]) -> str | None:
