@@ -19,7 +19,7 @@ from server.store.models import Job, Study
 from server.store.states import OPEN
 
 router = APIRouter(include_in_schema=False)
-SHOWN = 50
+SHOWN = 25
 MANY = 60
 """More jobs than this are shown by scene, each scene's folded up."""
 REPORTED = "paper"
