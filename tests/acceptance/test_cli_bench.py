@@ -221,7 +221,7 @@ BAD = {
     ("cornell-box", "--frames", "many"): "Invalid value for '--frames'",
     ("cornell-box", "--frames", "2", "--rounds", "3"): "The rounds are 3: give a whole number from 1 to the frames, 2.",
     ("cornell-box", "--threads", "0"): "The threads is 0",
-    ("cornell-box", "--check", "twice"): "Unknown check 'twice': choose one of none, oracle, referee.",
+    ("cornell-box", "--check", "twice"): "Unknown check 'twice': choose one of none, oracle, referee, image.",
     ("cornell-box", "--specialise", "maybe"): "Unknown specialise 'maybe': choose one of on, off.",
     ("cornell-box", "--camera", "0,0", "0,0,0", "60"): "The camera's eye '0,0' is not understood",
     ("cornell-box", "--camera", "0,0,0", "0,inf,0", "60"): "The camera's target '0,inf,0' is not understood",

@@ -58,17 +58,17 @@ def page(browser: Chrome, service: Service) -> Iterator[Chrome]:
 
 def test_the_form_counts_what_is_ticked_before_it_submits(page: Chrome, service: Service) -> None:
     page.get(f"{address(service)}/submit")
-    until(page, lambda: text(page, "count") == "1 job, 3 slices.")
+    until(page, lambda: text(page, "count") == "1 job, 4 slices.")
     tick(page, "traversal", "kd-backtrack")
-    until(page, lambda: text(page, "count") == "2 jobs, 6 slices.")
+    until(page, lambda: text(page, "count") == "2 jobs, 8 slices.")
     tick(page, "builder", "median")
-    until(page, lambda: text(page, "count") == "3 jobs, 9 slices.")
+    until(page, lambda: text(page, "count") == "3 jobs, 12 slices.")
     assert text(page, "refused").startswith("1 combination left out")
     write(page, "sah", "3.0,1.5; 1.5,1.5")
-    until(page, lambda: text(page, "count") == "6 jobs, 18 slices.")
+    until(page, lambda: text(page, "count") == "6 jobs, 24 slices.")
     write(page, "size", "32,64")
     tick(page, "models")
-    until(page, lambda: text(page, "count") == "12 jobs, 36 slices.")
+    until(page, lambda: text(page, "count") == "12 jobs, 48 slices.")
     submit(page)
     until(page, lambda: "/studies/" in page.current_url)
     study = service.get("studies/1")
@@ -84,7 +84,7 @@ def test_the_form_counts_what_is_ticked_before_it_submits(page: Chrome, service:
 
 def test_what_is_wrong_is_said_while_it_is_typed(page: Chrome, service: Service) -> None:
     page.get(f"{address(service)}/submit")
-    until(page, lambda: text(page, "count") == "1 job, 3 slices.")
+    until(page, lambda: text(page, "count") == "1 job, 4 slices.")
     write(page, "sah", "3.0")
     until(page, lambda: "write them as 3.0,1.5" in text(page, "count"))
     assert [entry["message"] for entry in log(page, "browser") if "422" not in entry["message"]] == []
@@ -127,7 +127,8 @@ def test_a_double_submit_is_one_study(page: Chrome, service: Service) -> None:
 
 
 def test_progress_and_the_time_left_are_shown_as_it_goes_on(page: Chrome, service: Service) -> None:
-    study = service.post("studies", name="mine", scenes="cornell-box", axes={"traversal": "paper"}, size=16)
+    asked = {"scenes": "cornell-box", "axes": {"traversal": "paper"}, "size": 16, "frames": 3, "rounds": 3}
+    study = service.post("studies", name="mine", **asked)
     page.get(f"{address(service)}/studies/1")
     assert (text(page, "slices"), text(page, "left")) == ("0 of 12 slices", "")
     page.execute_script("window.mark = 'kept'")
