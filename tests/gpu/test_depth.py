@@ -10,7 +10,7 @@ from hand_made import scene, soup
 from running import WALKS, Run, prepared, run, run_plan
 
 from renderer.accuracy import identical
-from renderer.build.tree import Bvh
+from renderer.build.chain import chain_bvh
 from renderer.pack.api import pack
 from renderer.prepare import Prepared
 from renderer.variant import Variant
@@ -36,41 +36,13 @@ def row(number: int) -> Scene:
     return scene(f"row of {number}", triangles[np.argsort(triangles[:, :, 0].mean(axis=1))])
 
 
-def chain(triangles: np.ndarray[tuple[int, ...], np.dtype[np.float32]], *, rightward: bool) -> Bvh:
-    """The deepest BVH there is: every inner node parts one triangle from the rest; depth len(triangles) - 1."""
-    m = len(triangles)
-    spans = [(0, m)]
-    child, count, parent, last = [0], [0], [-1], 0
-    while spans[last][1] - spans[last][0] > 1:
-        low, high = spans[last]
-        middle = low + 1 if rightward else high - 1
-        child[last] = len(spans)
-        spans += [(low, middle), (middle, high)]
-        child, count, parent = [*child, 0, 0], [*count, 0, 0], [*parent, last, last]
-        last = len(spans) - (1 if rightward else 2)
-    for node, (low, high) in enumerate(spans):
-        if high - low == 1:
-            child[node], count[node] = low, 1
-    return Bvh(
-        lower=np.stack([triangles[low:high].min(axis=(0, 1)) for low, high in spans]),
-        upper=np.stack([triangles[low:high].max(axis=(0, 1)) for low, high in spans]),
-        child=np.array(child, np.int32),
-        count=np.array(count, np.int32),
-        axis=np.zeros(len(spans), np.uint8),
-        parent=np.array(parent, np.int32),
-        order=np.arange(m, dtype=np.int32),
-        depth=m - 1,
-        cost=0.0,
-    )
-
-
 @pytest.mark.parametrize("rightward", [True, False], ids=["rightward", "leftward"])
 @pytest.mark.parametrize("depth", [1, 31, 32, 33, 63, 64])
 @pytest.mark.parametrize("traversal", ["bvh-stack", "bvh-restart-trail", "bvh-parent-link"])
 def test_deep_trees_are_walked_to_the_end(traversal: str, depth: int, rightward: bool) -> None:
     made = row(depth + 1)
     request = prepared(made, Variant(traversal), SIZE).request
-    tree = chain(made.triangles, rightward=rightward)
+    tree = chain_bvh(made.triangles, rightward=rightward)
     plan = Prepared(request, made, tree, None, pack(made, tree, request)).plan(instrument=True)
     walked = run_plan(plan, len(made.lights)).records
     assert not walked.cut.any()
