@@ -12,7 +12,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TypedDict
+from typing import IO, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -88,17 +88,31 @@ def _refuse_foreign(held: zipfile.ZipFile) -> None:
         raise ValueError(f"they are larger than {MAX_SIDE}x{MAX_SIDE} pixels")
 
 
-def _member(held: zipfile.ZipFile, name: str) -> Counts:
-    """One array; numpy would make room for whatever its header claims, so the header is checked against the bytes."""
-    data = held.read(f"{name}.npy")
+def read_array(member: IO[bytes]) -> npt.NDArray[np.uint32]:
+    """One count of every pixel from its member of the file, (h, w); raise ValueError when it holds anything else.
+
+    It is read to its end first, where zipfile checks its CRC: numpy parses a torn header as Python. numpy would also
+    make room for whatever the header claims, so the size is checked before that.
+    """
+    data = member.read(_MAX_HEADER + 4 * MAX_SIDE**2)
     stream = io.BytesIO(data)
     if np.lib.format.read_magic(stream) != (1, 0):
         raise ValueError("they are not of this program")
     shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream, max_header_size=_MAX_HEADER)
-    body = data[stream.tell() :]
-    if dtype != np.dtype("<u4") or fortran or len(shape) != 2 or len(body) != 4 * shape[0] * shape[1]:
+    if dtype != np.dtype("<u4") or fortran or len(shape) != 2 or not all(0 < side <= MAX_SIDE for side in shape):
         raise ValueError("they are not of this program")
-    return np.frombuffer(body, "<u4").reshape(shape).astype(np.int64)
+    body = memoryview(data)[stream.tell() :]
+    size = 4 * shape[0] * shape[1]
+    if len(body) < size:
+        raise ValueError("they end too soon")
+    if len(body) > size:
+        raise ValueError("they are not of this program")
+    return np.frombuffer(body, "<u4").reshape(shape)
+
+
+def _member(held: zipfile.ZipFile, name: str) -> Counts:
+    with held.open(f"{name}.npy") as member:
+        return read_array(member).astype(np.int64)
 
 
 def _words(counts: Counts) -> npt.NDArray[np.uint32]:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from renderer.pictures import PictureError
+from renderer.pictures import PictureError, read_array
 from renderer.request import MAX_SIDE
 from server.store.blobs import Blobs
 
@@ -22,7 +22,6 @@ IN_MEMORY = 16 << 20
 """A packed picture above this is unpacked from a temporary file."""
 MOST_BYTES = 256 << 20
 """Three counts of a picture of the largest size that do not pack at all."""
-MAX_HEADER = 4096
 
 
 def read_image(blobs: Blobs, sha256: str) -> Pixels:
@@ -42,23 +41,9 @@ def read_counts(blobs: Blobs, sha256: str, metric: str) -> Counts:
     with _spooled(blobs, sha256) as file:
         try:
             with zipfile.ZipFile(file) as held, held.open(f"{metric}.npy") as member:
-                return _read_array(member)[::-1]
+                return read_array(member)[::-1]
         except (KeyError, OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:
             raise PictureError(f"The stored counts {sha256[:12]} cannot be read ({error}): measure again.") from error
-
-
-def _read_array(member: IO[bytes]) -> Counts:
-    """A numpy array whose size is checked before room is made for it."""
-    if np.lib.format.read_magic(member) != (1, 0):
-        raise ValueError("they are not of this program")
-    shape, fortran, dtype = np.lib.format.read_array_header_1_0(member, max_header_size=MAX_HEADER)
-    if dtype != np.dtype("<u4") or fortran or len(shape) != 2 or not all(0 < side <= MAX_SIDE for side in shape):
-        raise ValueError("they are not of this program")
-    size = 4 * shape[0] * shape[1]
-    body = member.read(size)
-    if len(body) != size:
-        raise ValueError("they end too soon")
-    return np.frombuffer(body, "<u4").reshape(shape)
 
 
 def _spooled(blobs: Blobs, sha256: str) -> IO[bytes]:

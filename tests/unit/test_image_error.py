@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -21,10 +20,6 @@ LIGHT = (1.0, 2.0, 2.5)
 FLOOR = np.array([[[-9, -9, 0], [9, -9, 0], [0, 18, 0]]], np.float32)
 BACKGROUND = [round(255 * math.sqrt(x)) for x in (0.02, 0.03, 0.05)]
 DARK = round(255 * math.sqrt(0.08))
-
-needs_flip = pytest.mark.skipif(
-    find_spec("flip_evaluator") is None, reason="the package flip-evaluator is not installed"
-)
 
 
 def scene(triangles: np.ndarray, eye: tuple[float, float, float] = EYE) -> Scene:
@@ -130,7 +125,6 @@ def test_psnr_as_defined() -> None:
     assert psnr(black, black) == psnr(one, black) == pytest.approx(10 * math.log10(255**2 * 60))
 
 
-@needs_flip
 def test_flip_is_0_for_the_same_and_grows_with_the_difference() -> None:
     image, truth = noisy(3)
     assert flip(truth, truth) == 0

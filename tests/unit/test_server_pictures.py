@@ -18,6 +18,7 @@ from matplotlib.colors import Normalize
 from pictured import add_job, counts, image, keep
 from PIL import Image
 
+from renderer.counts import METRICS
 from renderer.heatmap import summarise
 from renderer.heatmap_picture import ABOVE, COLOURS, common_scale
 from renderer.pictures import PictureError, counts_bytes, png_bytes, write_pictures
@@ -168,9 +169,18 @@ def _pickled() -> bytes:
     return out.getvalue()
 
 
+def _torn() -> bytes:
+    """Counts with zeros in their middle: what unpacks is then no header, and numpy cannot even parse it."""
+    random = np.random.default_rng(21)
+    data = bytearray(counts_bytes({name: random.integers(0, 1 << 20, (64, 64)) for name in METRICS}))
+    data[200:260] = bytes(60)
+    return bytes(data)
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [
+        (_torn(), "cannot be read"),
         (b"", "cannot be read"),
         (b"no zip at all", "cannot be read"),
         (counts_bytes(counts(1))[:-40], "cannot be read"),
@@ -182,7 +192,7 @@ def _pickled() -> bytes:
         (_zipped(_pickled()), "not of this program"),
         (png_bytes(image(1)), "cannot be read"),
     ],
-    ids=["empty", "text", "cut", "short", "less", "large", "huge", "none", "pickle", "image"],
+    ids=["torn", "empty", "text", "cut", "short", "less", "large", "huge", "none", "pickle", "image"],
 )
 def test_foreign_counts_are_refused_in_one_sentence(blobs: Blobs, content: bytes, said: str) -> None:
     with pytest.raises(PictureError, match=said) as told:
