@@ -197,12 +197,12 @@ class _Planner:
 
     def _form(self) -> Form:
         """What the texts of this plan are specialised on."""
-        nodes = self.packed.nodes if isinstance(self.tree, Kd) else None
+        nodes = self.packed.nodes
         return Form(
             variant=self.variant,
             lights=len(self.scene.lights),
             depth=MAX_DEPTH if not self.request.specialise or self.tree is None else self.tree.depth,
-            refs_at=None if nodes is None else nodes.refs_at,
+            tail_at=None if nodes is None else nodes.tail_at,
             normals=self.packed.normals,
             shade=self.rays != "primary",
             instrument=self.instrument,
@@ -264,6 +264,10 @@ class _Planner:
             uniforms["scene_lower"], uniforms["scene_upper"] = (
                 ("vec3", corner.astype(float).tolist()) for corner in self.scene.bounds
             )
+        grid = None if self.packed.nodes is None else self.packed.nodes.grid
+        if grid is not None:
+            uniforms["grid_origin"] = ("vec3", grid.origin.tolist())
+            uniforms["grid_cell"] = ("vec3", grid.cell.tolist())
         if isinstance(self.tree, Kd):
             uniforms["root_lower"] = ("vec3", (self.tree.lower[0].astype(float) + 0.0).tolist())
             uniforms["root_upper"] = ("vec3", (self.tree.upper[0].astype(float) + 0.0).tolist())

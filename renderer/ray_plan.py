@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.tree import MAX_DEPTH, Kd, Tree
+from renderer.build.tree import MAX_DEPTH, Tree
 from renderer.host import Tile
 from renderer.pack.api import Packed
 from renderer.plan import Buffer, Pass, Plan, PlanError, Program, Uniform
@@ -23,7 +23,7 @@ ROW = 256
 
 _LARGEST = float(np.finfo(np.float32).max)
 _MISS = 0xFFFFFFFF
-_GENERAL = "#define ANY_HIT ((way.w & 1u) != 0u)\nuniform uint refs_at;\n#define REFS_AT refs_at\n"
+_GENERAL = "#define ANY_HIT ((way.w & 1u) != 0u)\nuniform uint tail_at;\n#define TAIL_AT tail_at\n"
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ def make_ray_plan(
         buffers=tuple(buffers),
         programs=(Program("rays", _texts(tree, packed, request, question, instrument)),),
         passes=(_pass(camera, instrument),),
-        uniforms=_uniforms(camera, tree, packed, question),
+        uniforms=_uniforms(camera, packed, question),
         output="canvas" if request.variant.method == "compute" else "image",
     )
 
@@ -112,12 +112,12 @@ def read_answer(plan: Plan, count: int, tiles: Iterable[Tile]) -> Answer:
 
 def _texts(tree: Tree | None, packed: Packed, request: Request, question: Question, instrument: bool) -> dict[str, str]:
     general = not request.specialise
-    nodes = packed.nodes if isinstance(tree, Kd) and not general else None
+    nodes = None if general else packed.nodes
     form = Form(
         variant=request.variant,
         lights=0,
         depth=MAX_DEPTH if general or tree is None else tree.depth,
-        refs_at=None if nodes is None else nodes.refs_at,
+        tail_at=None if nodes is None else nodes.tail_at,
         normals=packed.normals,
         shade=True,
         instrument=instrument,
@@ -136,10 +136,10 @@ def _pass(camera: Plan, instrument: bool) -> Pass:
     return replace(step, name="rays", program="rays", storage=storage, collect="records" if instrument else None)
 
 
-def _uniforms(camera: Plan, tree: Tree | None, packed: Packed, question: Question) -> dict[str, Uniform]:
+def _uniforms(camera: Plan, packed: Packed, question: Question) -> dict[str, Uniform]:
     added: dict[str, Uniform] = {"ray_count": ("uint", [len(question.rays)])}
-    if isinstance(tree, Kd) and packed.nodes is not None:
-        added["refs_at"] = ("uint", [packed.nodes.refs_at])
+    if packed.nodes is not None and packed.nodes.tail_at is not None:
+        added["tail_at"] = ("uint", [packed.nodes.tail_at])
     held = {name: (kind, [_held(value) for value in values]) for name, (kind, values) in camera.uniforms.items()}
     return held | added
 

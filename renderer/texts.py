@@ -19,7 +19,7 @@ Stages = dict[str, str]
 class Form:
     """What the texts of one plan are written for.
 
-    `depth` is the levels that a stack or a trail must hold, `refs_at` the chunk at which a KD-tree's list begins;
+    `depth` is the levels that a stack or a trail must hold, `tail_at` the chunk at which what follows the nodes begins;
     `normals` says that the primitives carry vertex normals, `shade` that hits are shaded. `instrument` adds counters
     and records, `reads` the recorded reads.
     """
@@ -27,7 +27,7 @@ class Form:
     variant: Variant
     lights: int
     depth: int
-    refs_at: int | None
+    tail_at: int | None
     normals: bool
     shade: bool
     instrument: bool
@@ -41,12 +41,10 @@ def trace_texts(form: Form, on: Iterable[str], pixel: str = "render_pixel.glsl",
     parts = [
         *first,
         "common_reads.glsl",
-        *([glsl(TRAVERSALS[variant.traversal].nodes)] if variant.structure != "none" else []),
+        *([glsl(TRAVERSALS[variant.traversal].nodes, variant.nodes)] if variant.structure != "none" else []),
         "common_ray.glsl",
-        "common_slab.glsl",
-        f"box_{variant.box}.glsl",
         f"layout_{variant.layout if form.normals else 'bare'}.glsl",
-        f"intersector_{variant.intersector}.glsl".replace("-", "_"),
+        *_tests(variant),
         f"traversal_{variant.traversal}.glsl".replace("-", "_"),
         "common_view.glsl",
         "surface_raster.glsl" if variant.method == "hybrid" else "surface_cast.glsl",
@@ -60,6 +58,14 @@ def trace_texts(form: Form, on: Iterable[str], pixel: str = "render_pixel.glsl",
         "vertex": flatten({}, ["render_screen.vert"]),
         "fragment": flatten(defines, [*parts, "render_fragment.frag"]),
     }
+
+
+def _tests(variant: Variant) -> list[str]:
+    """The box test and the triangle test, in the variant's precision; all around them stays `highp`."""
+    parts = ["common_slab.glsl", f"box_{variant.box}.glsl", f"intersector_{variant.intersector}.glsl".replace("-", "_")]
+    if variant.precision == "highp":
+        return parts
+    return [f"precision {variant.precision} float;\n", *parts, "precision highp float;\n"]
 
 
 def raster_texts() -> Stages:
@@ -92,6 +98,6 @@ def _defines(form: Form) -> dict[str, int]:
             defines["STACK_SIZE"] = max(form.depth, 1)
         case "trail":
             defines["TRAIL_WORDS"] = 1 if form.depth <= 32 else 2
-    if form.refs_at is not None:
-        defines["REFS_AT"] = form.refs_at
+    if form.tail_at is not None:
+        defines["TAIL_AT"] = form.tail_at
     return defines

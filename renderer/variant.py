@@ -45,11 +45,14 @@ AXES: dict[str, tuple[str, ...]] = {
     "layout": ("normal", "compact", "split"),
     "intersector": ("moller-trumbore", "watertight", "baked"),
     "box": ("widened", "williams"),
-    "nodes": ("f32",),
-    "precision": ("highp",),
+    "nodes": ("f32", "grid16", "half"),
+    "precision": ("highp", "mediump"),
     "offset": ("constant", "bounded"),
     "builder": ("sah", "median"),
 }
+
+CONSERVATIVE_NODES = ("f32", "grid16")
+"""The node formats whose boxes hold what they should, so that no hit is lost."""
 
 PAPER: dict[str, tuple[str, ...]] = {
     "traversal": tuple(name for name, row in TRAVERSALS.items() if row.paper),
@@ -125,6 +128,10 @@ def refusal(variant: Variant, rays: str = "both") -> str | None:
         return "brute-force has no structure to build: leave the builder at sah."
     if structure == "none" and variant.box != "widened":
         return "brute-force tests no boxes: leave the box test at widened."
+    if structure == "kd" and variant.nodes != "f32":
+        return "a KD-tree's planes say which triangles a cell has, so none may be rounded: leave the nodes at f32."
+    if structure == "none" and variant.nodes != "f32":
+        return "brute-force walks no nodes: leave them at f32."
     if variant.intersector == "baked" and variant.layout == "split":
         return (
             "baked keeps its own words in the buffer that split needs for normals: take the layout normal or compact."

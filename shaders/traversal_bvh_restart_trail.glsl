@@ -4,41 +4,43 @@
 // Laine 2010, without a short stack: both children are tested at their parent, the nearer goes first, and a restart
 // from the root follows the trail. A set bit means that nothing but the last child of that level is left.
 void trace(const bool any_hit) {
-    COUNT_NODE(7);
-    uvec4 root = node_chunk(0u, 0u);
+    COUNT_NODE(NODE_WORDS);
+    vec3 lower, upper;
     float entry;
-    bool done = !box_hit(node_lower(root), node_upper(node_chunk(0u, 1u)), entry);
+    uint root;
+    fetch_node(0u, lower, upper, root);
+    bool done = !box_hit(lower, upper, entry);
 
     trail_clear();
     int pop_level = -1;
     while (!done) {
-        uint link = root.w;
+        uint link = root;
         int level = TRAIL_TOP;
         bool popping = false;
         bool walking = node_axis(root) != LEAF;
         while (walking) {
-            COUNT_NODE(7);
-            COUNT_NODE(7);
-            uint child = node_child(uvec4(link));
-            uvec4 left = node_chunk(child, 0u);
-            uvec4 right = node_chunk(child + 1u, 0u);
+            COUNT_NODE(NODE_WORDS);
+            COUNT_NODE(NODE_WORDS);
+            uint child = node_child(link);
+            uint left, right;
             float left_entry, right_entry;
-            bool left_hit = box_hit(node_lower(left), node_upper(node_chunk(child, 1u)), left_entry);
-            bool right_hit = box_hit(node_lower(right), node_upper(node_chunk(child + 1u, 1u)), right_entry);
+            fetch_node(child, lower, upper, left);
+            bool left_hit = box_hit(lower, upper, left_entry);
+            fetch_node(child + 1u, lower, upper, right);
+            bool right_hit = box_hit(lower, upper, right_entry);
             bool both = left_hit && right_hit;
             bool go_right = both ? (right_entry < left_entry) != trail_test(level) : right_hit;
             // One child left at the level just popped to is the near one, already done.
             popping = !(left_hit || right_hit) || (!both && level == pop_level);
             trail_set(level, !both);
-            link = go_right ? right.w : left.w;
+            link = go_right ? right : left;
             level -= 1;
             COUNT_VISIT(true, 0u);
-            walking = !popping && node_axis(uvec4(link)) != LEAF;
+            walking = !popping && node_axis(link) != LEAF;
         }
-        uvec4 leaf = uvec4(link);
-        uint count = popping ? 0u : node_count(leaf);
+        uint count = popping ? 0u : node_count(link);
         COUNT_VISIT(false, count);
-        intersect_slots(node_first(leaf), count);
+        intersect_slots(node_first(link), count);
         // `level` is one below the level whose choice was just finished.
         pop_level = trail_pop(min(level + 1, TRAIL_TOP));
         done = trail_over() || node_axis(root) == LEAF || (any_hit && hit_id != NO_PRIMITIVE);

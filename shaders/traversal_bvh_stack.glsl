@@ -6,32 +6,35 @@
 const uint STACK_END = 0xfffffffcu;  // the link of a leaf that no tree has
 
 void trace(const bool any_hit) {
-    COUNT_NODE(7);
-    uvec4 root = node_chunk(0u, 0u);
+    COUNT_NODE(NODE_WORDS);
+    vec3 lower, upper;
     float entry;
-    bool entered = box_hit(node_lower(root), node_upper(node_chunk(0u, 1u)), entry);
+    uint root;
+    fetch_node(0u, lower, upper, root);
+    bool entered = box_hit(lower, upper, entry);
     uint stack[STACK_SIZE + 2];
     stack[0] = STACK_END;
     int top = 0;  // where the next popped link lies
-    uint link = entered ? root.w : STACK_END;
+    uint link = entered ? root : STACK_END;
     while (link != STACK_END) {
-        while (node_axis(uvec4(link)) != LEAF) {
-            COUNT_NODE(7);
-            COUNT_NODE(7);
+        while (node_axis(link) != LEAF) {
+            COUNT_NODE(NODE_WORDS);
+            COUNT_NODE(NODE_WORDS);
             COUNT_VISIT(true, 0u);
-            uint child = node_child(uvec4(link)) + ((slab_octant >> node_axis(uvec4(link))) & 1u);
-            uvec4 near = node_chunk(child, 0u);
-            uvec4 far = node_chunk(child ^ 1u, 0u);
-            bool near_hit = box_hit(node_lower(near), node_upper(node_chunk(child, 1u)), entry);
-            bool far_hit = box_hit(node_lower(far), node_upper(node_chunk(child ^ 1u, 1u)), entry);
+            uint child = node_child(link) + ((slab_octant >> node_axis(link)) & 1u);
+            uint near, far;
+            fetch_node(child, lower, upper, near);
+            bool near_hit = box_hit(lower, upper, entry);
+            fetch_node(child ^ 1u, lower, upper, far);
+            bool far_hit = box_hit(lower, upper, entry);
             uint popped = stack[top];
-            stack[top + 1] = far.w;
-            link = near_hit ? near.w : far_hit ? far.w : popped;
+            stack[top + 1] = far;
+            link = near_hit ? near : far_hit ? far : popped;
             top += int(near_hit) + int(far_hit) - 1;
         }
-        uint count = link == STACK_END ? 0u : node_count(uvec4(link));
+        uint count = link == STACK_END ? 0u : node_count(link);
         COUNT_VISIT(false, count);
-        intersect_slots(node_first(uvec4(link)), count);
+        intersect_slots(node_first(link), count);
         bool over = link == STACK_END || (any_hit && hit_id != NO_PRIMITIVE);
         link = over ? STACK_END : stack[max(top, 0)];
         top -= 1;

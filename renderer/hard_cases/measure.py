@@ -64,7 +64,7 @@ def _reference(asker: Asker, variant: Variant, ready: Ready, mine: Answer) -> An
     """What the reference of the variant's intersector answers; every exact walk answers the same bits."""
     known = ready.references
     if variant.intersector not in known:
-        like = replace(REFERENCE, intersector=variant.intersector, precision=variant.precision)
+        like = replace(REFERENCE, intersector=variant.intersector)
         try:
             known[variant.intersector] = mine if like == variant else asker.set_up(like, ready).ask(ready.rays)
         except (BuildError, PackError, PlanError):

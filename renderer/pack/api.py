@@ -36,7 +36,7 @@ def pack(scene: Scene, tree: Tree | None, request: Request) -> Packed:
     corner_normals = _corner_normals(scene, request)
     order = tree.order if isinstance(tree, Bvh) else None
     return Packed(
-        None if tree is None else pack_nodes(tree, TRAVERSALS[variant.traversal].nodes),
+        None if tree is None else pack_nodes(tree, TRAVERSALS[variant.traversal].nodes, variant.nodes),
         _primitives(scene, corner_normals, order, request),
         corner_normals is not None,
     )

@@ -8,10 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.build.tree import KD_LEAF, Bvh, Kd, Tree
+from renderer.pack.grid import Grid, grid_over
 from renderer.pack.primitives import unsigned_zeros
-from renderer.pack.schema import LEAF, NODE_LAYOUTS, Field, NodeLayout
+from renderer.pack.schema import LEAF, NODE_LAYOUTS, TAIL, Field, NodeLayout
 
 Words = npt.NDArray[np.uint32]
+Values = dict[str, npt.NDArray[np.generic]]
 
 
 class PackError(ValueError):
@@ -20,38 +22,61 @@ class PackError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class PackedNodes:
-    """A node buffer: `words` uint32, and `refs_at`, the chunk at which a KD-tree's list of triangles begins."""
+    """A node buffer: `words` uint32; `tail_at`, the chunk at which what follows the nodes begins, None where nothing
+    does; `grid`, on which its boxes lie, None where they are floats."""
 
     words: Words
-    refs_at: int
+    tail_at: int | None = None
+    grid: Grid | None = None
 
 
-def pack_nodes(tree: Tree, layout_name: str) -> PackedNodes:
+def pack_nodes(tree: Tree, layout_name: str, node_format: str = "f32") -> PackedNodes:
     """Lay a tree's nodes out. Node 0 is the root and 1 is unused, so that siblings are an even and an odd index.
 
-    Raise PackError when a value needs more bits than its field has.
+    Raise PackError when a value needs more than its field has.
     """
-    layout = NODE_LAYOUTS[layout_name]
+    layout = NODE_LAYOUTS[layout_name][node_format]
     values = _values(tree)
     leaf = values["axis"] == LEAF
-    words = np.zeros((len(leaf) + 1, layout.words), np.uint32)
     slots = np.where(np.arange(len(leaf)) == 0, 0, np.arange(len(leaf)) + 1)
+    grid = _grid_of(tree) if any(field.kind == "grid16" for field in layout.fields) else None
+    if grid is not None:
+        values["box"] = grid.outward(tree.lower, tree.upper)
+    if any(field.kind == "half" for field in layout.fields):
+        values["box"] = _halves(tree)
+    words = np.zeros((len(leaf) + 1, layout.words), np.uint32)
+    tail = np.zeros(len(leaf) + 1, np.uint32)
     for field in layout.fields:
         rows = {"all": slice(None), "inner": ~leaf, "leaf": leaf}[field.owner]
-        _store(words, slots[rows], field, values[field.name][rows])
-    refs_at = words.size // layout.vector
-    if not layout.refs:
-        return PackedNodes(words.ravel(), refs_at)
-    assert isinstance(tree, Kd)
-    return PackedNodes(_append_refs(words, tree, layout), refs_at)
+        stored = tail[:, None] if field.word == TAIL else words[:, field.word :]
+        _store(stored, slots[rows], field, values[field.name][rows])
+    if layout.tail == "none":
+        return PackedNodes(words.ravel(), None, grid)
+    behind = tree.refs.astype(np.uint32) if isinstance(tree, Kd) else tail
+    return PackedNodes(_append(words, behind, layout), words.size // layout.vector, grid)
 
 
-def _values(tree: Tree) -> dict[str, npt.NDArray[np.generic]]:
+def _grid_of(tree: Tree) -> Grid:
+    grid = grid_over(tree.lower[0], tree.upper[0])
+    if (np.abs(grid.origin) > np.finfo(np.float32).max).any():
+        raise PackError("The scene is too large for a 16-bit grid in float32: take the node format f32.")
+    return grid
+
+
+@np.errstate(over="ignore")
+def _halves(tree: Tree) -> Words:
+    """Boxes rounded to the nearest half-precision floats: a face may move inward, and beyond 65,504 it is infinite."""
+    lower, upper = (np.ascontiguousarray(side.astype(np.float16) + np.float16(0)) for side in (tree.lower, tree.upper))
+    words: Words = lower.view(np.uint16) | upper.view(np.uint16).astype(np.uint32) << np.uint32(16)
+    return words
+
+
+def _values(tree: Tree) -> Values:
     """Every field of every node, children and parents counted with the unused node 1."""
     leaf = tree.count > 0 if isinstance(tree, Bvh) else tree.axis == KD_LEAF
     axis = np.where(leaf, LEAF, tree.axis + 1).astype(np.int64)
     parent = np.maximum(tree.parent, 0).astype(np.int64)
-    values: dict[str, npt.NDArray[np.generic]] = {
+    values: Values = {
         "lower": tree.lower,
         "upper": tree.upper,
         "axis": axis,
@@ -67,17 +92,18 @@ def _values(tree: Tree) -> dict[str, npt.NDArray[np.generic]]:
 
 
 def _store(words: Words, slots: npt.NDArray[np.generic], field: Field, values: npt.NDArray[np.generic]) -> None:
+    """Put a field's values into `words` from its first word on."""
     if field.kind == "vec3":
-        words[slots, field.word : field.word + 3] = unsigned_zeros(values)
+        words[slots, :3] = unsigned_zeros(values)
     elif field.kind == "float":
-        words[slots, field.word] = unsigned_zeros(values)
+        words[slots, 0] = unsigned_zeros(values)
+    elif field.kind in ("grid16", "half"):
+        words[slots, :3] = values
     else:
         if len(values) and (values.min() < 0 or values.max() >= 1 << field.bits):
             raise PackError(f"Node field {field.name} needs {values.max()}, more than its {field.bits} bits hold.")
-        words[slots, field.word] |= values.astype(np.uint32) << np.uint32(field.shift)
+        words[slots, 0] |= values.astype(np.uint32) << np.uint32(field.shift)
 
 
-def _append_refs(words: Words, tree: Kd, layout: NodeLayout) -> Words:
-    padding = -len(tree.refs) % layout.vector
-    refs = np.concatenate([tree.refs.astype(np.uint32), np.zeros(padding, np.uint32)])
-    return np.concatenate([words.ravel(), refs])
+def _append(words: Words, behind: Words, layout: NodeLayout) -> Words:
+    return np.concatenate([words.ravel(), behind, np.zeros(-len(behind) % layout.vector, np.uint32)])

@@ -1,7 +1,8 @@
 """Node layouts: one table that gives the GLSL accessors, the packing, and the sizes.
 
 A node is a few 32-bit words, fetched in chunks of two (`uvec2`) or four (`uvec4`). Inner nodes and leaves may use the
-same words for different fields. Traversals read fields by the generated `node_NAME(chunk)` functions.
+same words for different fields. BVH traversals fetch a node's box and its link word by the generated `fetch_node`,
+whatever the node format, and read the link word's fields by `node_NAME(link)`; KD traversals read `node_NAME(chunk)`.
 """
 
 from __future__ import annotations
@@ -13,6 +14,9 @@ LEAF = 0
 """The `axis` of a leaf in every layout; inner nodes have 1, 2 or 3. Pixels that a draw does not cover run along in
 their neighbours' loops and read zeros: an empty leaf, at which every traversal ends."""
 
+TAIL = -1
+"""The `word` of a field that lies behind the nodes, one word a node."""
+
 Owner = Literal["all", "inner", "leaf"]
 
 
@@ -20,12 +24,14 @@ Owner = Literal["all", "inner", "leaf"]
 class Field:
     """One field: its name, first word, bits within that word, and which nodes have it.
 
-    `kind` is `uint` (with `shift` and `bits`), `float` (one word) or `vec3` (three words of one chunk).
+    `kind` is `uint` (with `shift` and `bits`), `float` (one word), `vec3` (three words of one chunk), or `grid16` and
+    `half`: a box in three words of one chunk, one an axis, its lower face in the low half. `grid16` counts cells of the
+    grid that the packed nodes carry, `half` is a half-precision float.
     """
 
     name: str
     word: int
-    kind: Literal["uint", "float", "vec3"] = "uint"
+    kind: Literal["uint", "float", "vec3", "grid16", "half"] = "uint"
     shift: int = 0
     bits: int = 32
     owner: Owner = "all"
@@ -35,27 +41,29 @@ class Field:
 class NodeLayout:
     """How one structure's nodes lie in the storage buffer: `words` a node, `vector` words a chunk.
 
-    `refs` says that leaves name triangles through a list that follows the nodes in the same buffer.
+    `tail` says what follows the nodes in the same buffer: the list through which leaves name `triangles`, or the
+    nodes' `links`, a word each, where they have no room for them.
     """
 
     words: int
     vector: Literal[2, 4]
     fields: tuple[Field, ...]
-    refs: bool = False
+    tail: Literal["none", "triangles", "links"] = "none"
 
     def field(self, name: str) -> Field | None:
         """The field of that name, None where the layout has none."""
         return next((field for field in self.fields if field.name == name), None)
 
 
-_BOX = (
-    Field("lower", 0, "vec3"),
+_LINK = (
     Field("axis", 3, shift=0, bits=2),
     Field("child", 3, shift=2, bits=30, owner="inner"),
     Field("count", 3, shift=2, bits=6, owner="leaf"),
     Field("first", 3, shift=8, bits=24, owner="leaf"),
-    Field("upper", 4, "vec3"),
 )
+_F32 = (Field("lower", 0, "vec3"), *_LINK, Field("upper", 4, "vec3"))
+_GRID16 = (Field("box", 0, "grid16"), *_LINK)
+_HALF = (Field("box", 0, "half"), *_LINK)
 _PLANE = (
     Field("split", 0, "float", owner="inner"),
     Field("first", 0, owner="leaf"),
@@ -64,48 +72,116 @@ _PLANE = (
     Field("count", 1, shift=2, bits=30, owner="leaf"),
 )
 
-NODE_LAYOUTS: dict[str, NodeLayout] = {
-    "box": NodeLayout(8, 4, _BOX),
-    "box-parent": NodeLayout(
-        8, 4, (*_BOX, Field("parent_axis", 7, shift=0, bits=2), Field("parent", 7, shift=2, bits=30))
-    ),
-    "plane": NodeLayout(2, 2, _PLANE, refs=True),
-    "plane-box": NodeLayout(
-        12, 4, (*_PLANE, Field("lower", 4, "vec3"), Field("parent", 7), Field("upper", 8, "vec3")), refs=True
-    ),
+
+def _parent(word: int) -> tuple[Field, Field]:
+    return Field("parent_axis", word, shift=0, bits=2), Field("parent", word, shift=2, bits=30)
+
+
+NODE_LAYOUTS: dict[str, dict[str, NodeLayout]] = {
+    "box": {
+        "f32": NodeLayout(8, 4, _F32),
+        "grid16": NodeLayout(4, 4, _GRID16),
+        "half": NodeLayout(4, 4, _HALF),
+    },
+    "box-parent": {
+        "f32": NodeLayout(8, 4, (*_F32, *_parent(7))),
+        "grid16": NodeLayout(4, 4, (*_GRID16, *_parent(TAIL)), tail="links"),
+        "half": NodeLayout(4, 4, (*_HALF, *_parent(TAIL)), tail="links"),
+    },
+    "plane": {"f32": NodeLayout(2, 2, _PLANE, tail="triangles")},
+    "plane-box": {
+        "f32": NodeLayout(
+            12,
+            4,
+            (*_PLANE, Field("lower", 4, "vec3"), Field("parent", 7), Field("upper", 8, "vec3")),
+            tail="triangles",
+        )
+    },
 }
+"""By what a traversal reads of a node, then by node format."""
 
 
-def glsl(name: str) -> str:
+def glsl(name: str, node_format: str = "f32") -> str:
     """The GLSL that declares the node buffer of a layout and reads its chunks and fields.
 
     Every read is noted for `shaders/common_reads.glsl`, which comes before it; a chunk counts as read whole.
     """
-    layout = NODE_LAYOUTS[name]
+    layout = NODE_LAYOUTS[name][node_format]
     chunk = f"uvec{layout.vector}"
     chunks = layout.words // layout.vector
-    at = f"node * {chunks}u + chunk"
+    at = f"node * {chunks}u + chunk" if chunks > 1 else "node + chunk"
     lines = [
-        f"// Node layout `{name}`: {layout.words} words a node.",
+        f"// Node layout `{name}`, format `{node_format}`: {layout.words} words a node.",
         f"const uint LEAF = {LEAF}u;",
         f"layout(std430, binding = 0) readonly restrict buffer Nodes {{ {chunk} nodes[]; }};",
         _reader(
             f"{chunk} node_chunk(uint node, uint chunk)", f"nodes[{at}]", layout.vector, f"{layout.vector}u * ({at})"
         ),
     ]
-    types = {chunk, "uvec2"} if layout.refs else {chunk}
+    lines += _tail_readers(layout)
+    is_bvh = layout.tail != "triangles"
+    types = ["uint"] if is_bvh else sorted({chunk, "uvec2"})
     for field in layout.fields:
-        lines += [_accessor(layout, field, of) for of in sorted(types) if _fits(layout, field, of)]
+        lines += [_accessor(layout, field, of) for of in types if _fits(layout, field, of)]
+    return "\n".join(lines + (_fetch_node(layout) if is_bvh else [])) + "\n"
+
+
+def _tail_readers(layout: NodeLayout) -> list[str]:
+    """What reads a node's parent by itself, and an entry of a KD-tree's list."""
+    shift, mask = (1, 1) if layout.vector == 2 else (2, 3)
+    lines = []
     parent = layout.field("parent")
-    if parent is not None:
+    if parent is not None and parent.word == TAIL:
+        value = f"nodes[uint(TAIL_AT) + (node >> {shift})][node & {mask}u]"
+        lines.append(_reader("uint node_links(uint node)", value, 1, f"uint(TAIL_AT) * {layout.vector}u + node"))
+    elif parent is not None:
         nth, component = divmod(parent.word, layout.vector)
-        value = f"nodes[node * {chunks}u + {nth}u].{'xyzw'[component]}"
+        value = f"nodes[node * {layout.words // layout.vector}u + {nth}u].{'xyzw'[component]}"
         lines.append(_reader("uint node_links(uint node)", value, 1, f"node * {layout.words}u + {parent.word}u"))
-    if layout.refs:
-        shift, mask = (1, 1) if layout.vector == 2 else (2, 3)
-        value = f"nodes[uint(REFS_AT) + (i >> {shift})][i & {mask}u]"
-        lines.append(_reader("uint node_ref(uint i)", value, 1, f"uint(REFS_AT) * {layout.vector}u + i"))
-    return "\n".join(lines) + "\n"
+    if layout.tail == "triangles":
+        value = f"nodes[uint(TAIL_AT) + (i >> {shift})][i & {mask}u]"
+        lines.append(_reader("uint node_ref(uint i)", value, 1, f"uint(TAIL_AT) * {layout.vector}u + i"))
+    return lines
+
+
+_BOXES = {
+    "grid16": (
+        "uniform vec3 grid_origin;",
+        "uniform vec3 grid_cell;",
+        "vec3 grid_point(uvec3 cells) { PRECISE vec3 p = grid_origin + vec3(cells) * grid_cell; return p; }",
+        "void node_box(uvec4 c, out vec3 lower, out vec3 upper) {",
+        "    lower = grid_point(c.xyz & 0xffffu);",
+        "    upper = grid_point(c.xyz >> 16);",
+        "}",
+    ),
+    "half": (
+        "void node_box(uvec4 c, out vec3 lower, out vec3 upper) {",
+        "    vec2 x = unpackHalf2x16(c.x);",
+        "    vec2 y = unpackHalf2x16(c.y);",
+        "    vec2 z = unpackHalf2x16(c.z);",
+        "    lower = vec3(x.x, y.x, z.x);",
+        "    upper = vec3(x.y, y.y, z.y);",
+        "}",
+    ),
+}
+
+
+def _fetch_node(layout: NodeLayout) -> list[str]:
+    """The BVH traversals' way to a node: its box and link word, and its parent's word where the layout has one."""
+    parent = layout.field("parent")
+    packed = layout.field("box")
+    lines = list(_BOXES[packed.kind]) if packed is not None else []
+    lines += [f"const int NODE_WORDS = {(4 if packed is not None else 7) + (parent is not None)};"]
+    head = "void fetch_node(uint node, out vec3 lower, out vec3 upper, out uint link"
+    lines += [f"{head}{', out uint links' if parent is not None else ''}) {{", "    uvec4 low = node_chunk(node, 0u);"]
+    if packed is not None:
+        lines += ["    node_box(low, lower, upper);"]
+    else:
+        lines += ["    uvec4 high = node_chunk(node, 1u);"]
+        lines += ["    lower = uintBitsToFloat(low.xyz);", "    upper = uintBitsToFloat(high.xyz);"]
+    if parent is not None:
+        lines += [f"    links = {'node_links(node)' if packed is not None else 'high.w'};"]
+    return [*lines, "    link = low.w;", "}"]
 
 
 def _reader(head: str, value: str, words: int, first: str) -> str:
@@ -114,7 +190,9 @@ def _reader(head: str, value: str, words: int, first: str) -> str:
 
 
 def _fits(layout: NodeLayout, field: Field, chunk: str) -> bool:
-    """Whether the field lies in the first words of its chunk that a shorter vector keeps."""
+    """Whether a shorter vector keeps the first words of the chunk, with the field; a single word holds a `uint`."""
+    if chunk == "uint":
+        return field.kind == "uint"
     return field.word % layout.vector < int(chunk[-1]) and (field.kind != "vec3" or chunk == "uvec4")
 
 
@@ -124,7 +202,7 @@ def _accessor(layout: NodeLayout, field: Field, chunk: str) -> str:
         return f"vec3 node_{field.name}({chunk} c) {{ return uintBitsToFloat(c.xyz); }}"
     if field.kind == "float":
         return f"float node_{field.name}({chunk} c) {{ return uintBitsToFloat(c.{component}); }}"
-    value = f"c.{component}"
+    value = "c" if chunk == "uint" else f"c.{component}"
     if field.shift:
         value = f"{value} >> {field.shift}"
     if field.shift + field.bits < 32:

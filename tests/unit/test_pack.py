@@ -9,9 +9,10 @@ import pytest
 
 from renderer.build.bvh import build_bvh
 from renderer.build.tree import Bvh, Kd, SahCosts
+from renderer.pack.grid import grid_over
 from renderer.pack.nodes import PackError, pack_nodes
 from renderer.pack.primitives import face_normals, octahedral, pack_primitives, pack_raster
-from renderer.pack.schema import NODE_LAYOUTS
+from renderer.pack.schema import NODE_LAYOUTS, NodeLayout
 
 RNG = np.random.default_rng(61)
 TRIANGLES = RNG.random((50, 3, 3)).astype(np.float32)
@@ -38,24 +39,76 @@ def leaf_kd(count: int) -> Kd:
     )
 
 
-@pytest.mark.parametrize("name", NODE_LAYOUTS)
-def test_fields_share_no_bits(name: str) -> None:
-    layout = NODE_LAYOUTS[name]
+@pytest.mark.parametrize(
+    "layout",
+    [
+        pytest.param(layout, id=f"{name}-{node_format}")
+        for name, formats in NODE_LAYOUTS.items()
+        for node_format, layout in formats.items()
+    ],
+)
+def test_fields_share_no_bits(layout: NodeLayout) -> None:
     for owner in ("inner", "leaf"):
-        used = np.zeros(layout.words, np.uint64)
+        used = np.zeros(layout.words + 1, np.uint64)  # the last is the tail's
         for field in (one for one in layout.fields if one.owner in ("all", owner)):
             mask = np.uint64(((1 << field.bits) - 1) << field.shift)
             assert int(mask) < 1 << 32
-            for word in range(field.word, field.word + (3 if field.kind == "vec3" else 1)):
+            for word in range(field.word, field.word + (1 if field.kind in ("uint", "float") else 3)):
                 assert used[word] & mask == 0, field.name
                 used[word] |= mask
-            assert field.kind != "vec3" or field.word % layout.vector <= layout.vector - 3
+            assert field.kind in ("uint", "float") or field.word % layout.vector <= layout.vector - 3
 
 
-@pytest.mark.parametrize(("name", "node_bytes"), [("box", 32), ("box-parent", 32)])
-def test_a_bvh_takes_its_nodes_and_the_unused_one(name: str, node_bytes: int) -> None:
+@pytest.mark.parametrize(
+    ("name", "node_format", "node_bytes"),
+    [
+        ("box", "f32", 32),
+        ("box-parent", "f32", 32),
+        ("box", "grid16", 16),
+        ("box", "half", 16),
+        ("box-parent", "half", 20),
+    ],
+)
+def test_a_bvh_takes_its_nodes_and_the_unused_one(name: str, node_format: str, node_bytes: int) -> None:
+    nbytes = (len(bvh().count) + 1) * node_bytes
+    assert pack_nodes(bvh(), name, node_format).words.nbytes == -(-nbytes // 16) * 16
+
+
+GRID_CASES = {
+    "unit": ([0, 0, 0], [1, 1, 1]),
+    "far": ([1e6, -1e6, 123456.7], [1e6 + 1, 1 - 1e6, 123456.8]),
+    "flat": ([0.1, -0.1, 0], [0.1, -0.1, 0]),
+    "tiny": ([1e-38, -1e-40, 3e-39], [2e-38, 1e-40, 3e-39]),
+    "huge": ([-1.5e38, 1e30, 0], [1.5e38, 3e38, 3e38]),
+    "unequal": ([-1, -1e6, -1e-6], [1e5, 1e6, 1e6]),
+}
+
+
+@pytest.mark.parametrize("name", GRID_CASES)
+def test_a_grid_is_exact_in_float32_and_holds_its_box(name: str) -> None:
+    lower, upper = (np.array(corner, np.float32) for corner in GRID_CASES[name])
+    grid = grid_over(lower, upper)
+    rng = np.random.default_rng(63)
+    points = (lower + rng.random((999, 3)) * (upper.astype(np.float64) - lower)).astype(np.float32)
+    points = np.clip(np.concatenate([points, [lower, upper]]), lower, upper).astype(np.float32)
+    words = grid.outward(points, points)
+    for cells, below in ((words & 0xFFFF, True), (words >> 16, False)):
+        exact = grid.origin + cells * grid.cell
+        products = cells.astype(np.float32) * grid.cell.astype(np.float32)
+        np.testing.assert_array_equal(grid.origin.astype(np.float32) + products, exact)
+        off = points - exact if below else exact - points
+        assert (off >= 0).all()
+        assert (off < grid.cell).all()
+    spread = np.maximum((upper.astype(np.float64) - lower) / 32766, np.abs([lower, upper]).max(axis=0) / 2.0**23)
+    assert (grid.cell <= np.maximum(spread, 2.0**-126)).all()
+
+
+def test_a_grid_beyond_float32_is_refused() -> None:
     tree = bvh()
-    assert pack_nodes(tree, name).words.nbytes == (len(tree.count) + 1) * node_bytes
+    lower, upper = tree.lower.copy(), tree.upper.copy()
+    lower[0], upper[0] = -np.finfo(np.float32).max, np.finfo(np.float32).max
+    with pytest.raises(PackError, match="take the node format f32"):
+        pack_nodes(replace(tree, lower=lower, upper=upper), "box", "grid16")
 
 
 @pytest.mark.parametrize(("name", "node_bytes", "chunk"), [("plane", 8, 8), ("plane-box", 48, 16)])
@@ -64,7 +117,8 @@ def test_a_kd_tree_takes_its_nodes_and_its_list(name: str, node_bytes: int, chun
     packed = pack_nodes(leaf_kd(count), name)
     list_bytes = -(-4 * count // chunk) * chunk
     assert packed.words.nbytes == 2 * node_bytes + list_bytes
-    assert packed.refs_at * chunk == 2 * node_bytes
+    assert packed.tail_at is not None
+    assert packed.tail_at * chunk == 2 * node_bytes
     np.testing.assert_array_equal(packed.words[2 * node_bytes // 4 :][:count], np.arange(count))
 
 

@@ -8,7 +8,17 @@ from importlib import resources
 import pytest
 
 from renderer.pack.schema import NODE_LAYOUTS
-from renderer.variant import AXES, TRAVERSALS, Variant, VariantError, expand, matrix, refusal, require_value
+from renderer.variant import (
+    AXES,
+    CONSERVATIVE_NODES,
+    TRAVERSALS,
+    Variant,
+    VariantError,
+    expand,
+    matrix,
+    refusal,
+    require_value,
+)
 
 PAPER = ("bvh-parent-link", "bvh-restart-trail", "kd-push-down", "kd-backtrack")
 
@@ -17,6 +27,9 @@ def test_every_traversal_has_its_text_and_its_nodes() -> None:
     for name, row in TRAVERSALS.items():
         assert resources.files("shaders").joinpath(f"traversal_{name.replace('-', '_')}.glsl").is_file()
         assert (row.nodes in NODE_LAYOUTS) == (row.structure != "none")
+    formats = {node_format for formats in NODE_LAYOUTS.values() for node_format in formats}
+    assert formats == set(AXES["nodes"])
+    assert set(CONSERVATIVE_NODES) < formats
 
 
 def test_the_paper_s_matrix_is_all_valid() -> None:
@@ -42,6 +55,11 @@ def test_hybrid_has_no_primary_rays_to_time() -> None:
         (Variant("kd-push-down", builder="median"), "median is a BVH builder: a KD-tree is built with sah."),
         (Variant("kd-backtrack", builder="median"), "median is a BVH builder: a KD-tree is built with sah."),
         (Variant("brute-force", builder="median"), "brute-force has no structure to build: leave the builder at sah."),
+        (Variant("brute-force", nodes="half"), "brute-force walks no nodes: leave them at f32."),
+        (
+            Variant("kd-push-down", nodes="grid16"),
+            "a KD-tree's planes say which triangles a cell has, so none may be rounded: leave the nodes at f32.",
+        ),
         (Variant("brute-force", box="williams"), "brute-force tests no boxes: leave the box test at widened."),
     ],
     ids=lambda value: value.label if isinstance(value, Variant) else "",
