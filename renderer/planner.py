@@ -203,6 +203,7 @@ class _Planner:
             lights=len(self.scene.lights),
             depth=MAX_DEPTH if not self.request.specialise or self.tree is None else self.tree.depth,
             tail_at=None if nodes is None else nodes.tail_at,
+            grid=nodes.grid if nodes is not None and self.request.specialise else None,
             normals=self.packed.normals,
             shade=self.rays != "primary",
             instrument=self.instrument,
@@ -266,6 +267,7 @@ class _Planner:
             )
         grid = None if self.packed.nodes is None else self.packed.nodes.grid
         if grid is not None:
+            # Also where the text has it: a uniform that no program names is let be.
             uniforms["grid_origin"] = ("vec3", grid.origin.tolist())
             uniforms["grid_cell"] = ("vec3", grid.cell.tolist())
         if isinstance(self.tree, Kd):

@@ -118,6 +118,7 @@ def _texts(tree: Tree | None, packed: Packed, request: Request, question: Questi
         lights=0,
         depth=MAX_DEPTH if general or tree is None else tree.depth,
         tail_at=None if nodes is None else nodes.tail_at,
+        grid=None if nodes is None else nodes.grid,
         normals=packed.normals,
         shade=True,
         instrument=instrument,

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from renderer.glsl import flatten
+from renderer.pack.grid import Grid
 from renderer.pack.schema import glsl
 from renderer.variant import TRAVERSALS, Variant
 
@@ -19,15 +20,16 @@ Stages = dict[str, str]
 class Form:
     """What the texts of one plan are written for.
 
-    `depth` is the levels that a stack or a trail must hold, `tail_at` the chunk at which what follows the nodes begins;
-    `normals` says that the primitives carry vertex normals, `shade` that hits are shaded. `instrument` adds counters
-    and records, `reads` the recorded reads.
+    `depth` is the levels that a stack or a trail must hold, `tail_at` the chunk at which what follows the nodes begins,
+    `grid` the grid of 16-bit boxes, None where it is left to uniforms; `normals` says that the primitives carry vertex
+    normals, `shade` that hits are shaded. `instrument` adds counters and records, `reads` the recorded reads.
     """
 
     variant: Variant
     lights: int
     depth: int
     tail_at: int | None
+    grid: Grid | None
     normals: bool
     shade: bool
     instrument: bool
@@ -41,7 +43,7 @@ def trace_texts(form: Form, on: Iterable[str], pixel: str = "render_pixel.glsl",
     parts = [
         *first,
         "common_reads.glsl",
-        *([glsl(TRAVERSALS[variant.traversal].nodes, variant.nodes)] if variant.structure != "none" else []),
+        *([glsl(TRAVERSALS[variant.traversal].nodes, variant.nodes, form.grid)] if variant.structure != "none" else []),
         "common_ray.glsl",
         f"layout_{variant.layout if form.normals else 'bare'}.glsl",
         *_tests(variant),

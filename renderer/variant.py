@@ -35,6 +35,8 @@ TRAVERSALS: dict[str, Traversal] = {
     "bvh-stack": Traversal("bvh", "box", "both children a visit, while-while (Aila and Laine 2009)", state="stack"),
     "bvh-parent-link": Traversal("bvh", "box-parent", "Hapala et al. 2011", paper=True),
     "bvh-restart-trail": Traversal("bvh", "box", "Laine 2010", paper=True, state="trail"),
+    "bvh-skip-link": Traversal("bvh", "skip", "one order for all rays, no state (Smits 1998)"),
+    "bvh-skip-octants": Traversal("bvh", "skip-octants", "an order for each octant of directions, no state"),
     "kd-push-down": Traversal("kd", "plane", "Horn et al. 2007", paper=True),
     "kd-backtrack": Traversal("kd", "plane-box", "Foley and Sugerman 2005", paper=True),
 }

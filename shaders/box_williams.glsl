@@ -22,3 +22,7 @@ bool box_hit(vec3 lower, vec3 upper, out float entry) {
     entry = max(enter, 0.0);
     return !missed && enter < hit_t && leave > 0.0;
 }
+
+bool box_hit_turned(vec3 near, vec3 far, out float entry) {
+    return box_hit(mix(near, far, slab_backward()), mix(far, near, slab_backward()), entry);
+}

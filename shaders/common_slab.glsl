@@ -24,6 +24,10 @@ void slab_prepare() {
     slab_octant = (uint(backward.x) << 1) | (uint(backward.y) << 2) | (uint(backward.z) << 3);
 }
 
+bvec3 slab_backward() {
+    return notEqual((uvec3(slab_octant) >> uvec3(1u, 2u, 3u)) & 1u, uvec3(0u));
+}
+
 // Where min() must look for NaN, an integer comparison need not. As integers, floats of which at least one is not
 // negative compare as floats do; of negative ones any will do, since entries are cut off at 0 and exits below 0 miss.
 float slab_first(ivec3 t) {
@@ -51,11 +55,16 @@ ivec3 slab_t(vec3 point) {
 vec3 slab_above;
 vec3 slab_below;
 
+vec3 slab_near;
+vec3 slab_far;
+
 void slab_grow(vec3 by) {
     PRECISE vec3 above = slab_origin + by;
     PRECISE vec3 below = slab_origin - by;
     slab_above = above;
     slab_below = below;
+    slab_near = mix(above, below, slab_backward());
+    slab_far = mix(below, above, slab_backward());
 }
 
 ivec3 slab_lower_t(vec3 lower) {
@@ -67,9 +76,21 @@ ivec3 slab_upper_t(vec3 upper) {
     PRECISE vec3 t = (upper - slab_below) * slab_inverse;
     return floatBitsToInt(t);
 }
+
+ivec3 slab_near_t(vec3 face) {
+    PRECISE vec3 t = (face - slab_near) * slab_inverse;
+    return floatBitsToInt(t);
+}
+
+ivec3 slab_far_t(vec3 face) {
+    PRECISE vec3 t = (face - slab_far) * slab_inverse;
+    return floatBitsToInt(t);
+}
 #else
 #define slab_lower_t slab_t
 #define slab_upper_t slab_t
+#define slab_near_t slab_t
+#define slab_far_t slab_t
 #endif
 
 float slab_entry(vec3 lower, vec3 upper) {

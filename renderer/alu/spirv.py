@@ -117,7 +117,7 @@ def _note(module: Module, instruction: Instruction) -> None:
 def _has_type(opcode: int) -> bool:
     """Whether the operands begin with a type and a result, of the instructions that glslang makes of shaders."""
     return (
-        opcode in (1, EXT_INST, 54, 55, 57, 59, 61, 65, 245)
+        opcode in (1, EXT_INST, 54, 55, 57, 59, 61, 65, 68, 245)
         or 41 <= opcode <= 52
         or 77 <= opcode <= 98
         or 100 <= opcode <= 215

@@ -29,9 +29,10 @@ _EACH: dict[int, tuple[str, int]] = {
     **dict.fromkeys(range(194, 206), ("bits", 1)),
 }
 
-# Functions and calls, variables, loads and stores, access chains, composites, images, bitcasts, phi and control flow.
+# Functions and calls, variables, loads and stores, access chains, lengths of arrays, composites, images, bitcasts, phi
+# and control flow.
 _FREE = frozenset(
-    (0, 1, 8, 54, 55, 56, 57, 59, 61, 62, 65, *range(77, 85), *range(86, 108), 124, *range(245, 256), 317)
+    (0, 1, 8, 54, 55, 56, 57, 59, 61, 62, 65, 68, *range(77, 85), *range(86, 108), 124, *range(245, 256), 317)
 )
 
 _EXT_EACH: dict[int, tuple[str, int]] = {

@@ -8,11 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.build.tree import KD_LEAF, Bvh, Kd, Tree
+from renderer.pack.depth_first import OCTANTS, depth_first
 from renderer.pack.grid import Grid, grid_over
 from renderer.pack.primitives import unsigned_zeros
 from renderer.pack.schema import LEAF, NODE_LAYOUTS, TAIL, Field, NodeLayout
 
 Words = npt.NDArray[np.uint32]
+Flags = npt.NDArray[np.bool_]
 Values = dict[str, npt.NDArray[np.generic]]
 
 
@@ -31,29 +33,63 @@ class PackedNodes:
 
 
 def pack_nodes(tree: Tree, layout_name: str, node_format: str = "f32") -> PackedNodes:
-    """Lay a tree's nodes out. Node 0 is the root and 1 is unused, so that siblings are an even and an odd index.
+    """Lay a tree's nodes out in the layout's order; with siblings beside each other node 1 is unused.
 
     Raise PackError when a value needs more than its field has.
     """
     layout = NODE_LAYOUTS[layout_name][node_format]
     values = _values(tree)
     leaf = values["axis"] == LEAF
-    slots = np.where(np.arange(len(leaf)) == 0, 0, np.arange(len(leaf)) + 1)
     grid = _grid_of(tree) if any(field.kind == "grid16" for field in layout.fields) else None
     if grid is not None:
         values["box"] = grid.outward(tree.lower, tree.upper)
     if any(field.kind == "half" for field in layout.fields):
         values["box"] = _halves(tree)
+    if layout.order != "siblings":
+        assert isinstance(tree, Bvh)
+        return PackedNodes(_depth_first(tree, layout, values, leaf), None, grid)
     words = np.zeros((len(leaf) + 1, layout.words), np.uint32)
     tail = np.zeros(len(leaf) + 1, np.uint32)
-    for field in layout.fields:
-        rows = {"all": slice(None), "inner": ~leaf, "leaf": leaf}[field.owner]
-        stored = tail[:, None] if field.word == TAIL else words[:, field.word :]
-        _store(stored, slots[rows], field, values[field.name][rows])
+    slots = np.where(np.arange(len(leaf)) == 0, 0, np.arange(len(leaf)) + 1)
+    _store_all(words, tail, slots, layout, values, leaf)
     if layout.tail == "none":
         return PackedNodes(words.ravel(), None, grid)
     behind = tree.refs.astype(np.uint32) if isinstance(tree, Kd) else tail
     return PackedNodes(_append(words, behind, layout), words.size // layout.vector, grid)
+
+
+def _depth_first(tree: Bvh, layout: NodeLayout, values: Values, leaf: Flags) -> Words:
+    """The nodes in one order, or in an order for each octant; a node of zeros ends each."""
+    copies = OCTANTS if layout.order == "octants" else 1
+    words = np.zeros((copies, len(leaf) + 1, layout.words), np.uint32)
+    for octant, copy in enumerate(words):
+        place, after = depth_first(tree, octant)
+        base = octant * (len(leaf) + 1)
+        seen = _seen_from(octant, values) | {"skip": after.astype(np.int64) + base}
+        _store_all(copy, copy[:, 0], place, layout, seen, leaf)
+    return words.ravel()
+
+
+def _seen_from(octant: int, values: Values) -> Values:
+    """The boxes with near and far faces in place of lower and upper ones."""
+    backward = (octant >> np.arange(3) & 1).astype(bool)
+    turned: Values = {
+        "lower": np.where(backward, values["upper"], values["lower"]),
+        "upper": np.where(backward, values["lower"], values["upper"]),
+    }
+    if "box" in values:
+        box = values["box"].astype(np.uint32)
+        turned["box"] = np.where(backward, box << np.uint32(16) | box >> np.uint32(16), box)
+    return values | turned
+
+
+def _store_all(
+    words: Words, tail: Words, slots: npt.NDArray[np.generic], layout: NodeLayout, values: Values, leaf: Flags
+) -> None:
+    for field in layout.fields:
+        rows = {"all": np.full(len(leaf), True), "inner": ~leaf, "leaf": leaf}[field.owner]
+        stored = tail[:, None] if field.word == TAIL else words[:, field.word :]
+        _store(stored, slots[rows], field, values[field.name][rows])
 
 
 def _grid_of(tree: Tree) -> Grid:

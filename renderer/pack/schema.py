@@ -10,12 +10,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
+from renderer.pack.grid import Grid
+
 LEAF = 0
 """The `axis` of a leaf in every layout; inner nodes have 1, 2 or 3. Pixels that a draw does not cover run along in
 their neighbours' loops and read zeros: an empty leaf, at which every traversal ends."""
 
 TAIL = -1
 """The `word` of a field that lies behind the nodes, one word a node."""
+
+PACKED: tuple[Literal["grid16", "half"], ...] = ("grid16", "half")
+"""The node formats that hold a box in three words."""
 
 Owner = Literal["all", "inner", "leaf"]
 
@@ -41,6 +48,9 @@ class Field:
 class NodeLayout:
     """How one structure's nodes lie in the storage buffer: `words` a node, `vector` words a chunk.
 
+    `order` says how nodes follow one another: siblings beside each other at an even and an odd index, the root at 0; or
+    depth first, ending with a node of zeros. In `octants` there is such an order for each octant of ray directions,
+    one after the other; its boxes have their near faces where others have their lower ones.
     `tail` says what follows the nodes in the same buffer: the list through which leaves name `triangles`, or the
     nodes' `links`, a word each, where they have no room for them.
     """
@@ -49,6 +59,7 @@ class NodeLayout:
     vector: Literal[2, 4]
     fields: tuple[Field, ...]
     tail: Literal["none", "triangles", "links"] = "none"
+    order: Literal["siblings", "depth-first", "octants"] = "siblings"
 
     def field(self, name: str) -> Field | None:
         """The field of that name, None where the layout has none."""
@@ -64,6 +75,12 @@ _LINK = (
 _F32 = (Field("lower", 0, "vec3"), *_LINK, Field("upper", 4, "vec3"))
 _GRID16 = (Field("box", 0, "grid16"), *_LINK)
 _HALF = (Field("box", 0, "half"), *_LINK)
+_SKIP = (
+    Field("axis", 3, shift=0, bits=2),
+    Field("skip", 3, shift=2, bits=30, owner="inner"),
+    Field("count", 3, shift=2, bits=6, owner="leaf"),
+    Field("first", 3, shift=8, bits=24, owner="leaf"),
+)
 _PLANE = (
     Field("split", 0, "float", owner="inner"),
     Field("first", 0, owner="leaf"),
@@ -71,6 +88,14 @@ _PLANE = (
     Field("child", 1, shift=2, bits=30, owner="inner"),
     Field("count", 1, shift=2, bits=30, owner="leaf"),
 )
+
+
+def _skipping(order: Literal["depth-first", "octants"]) -> dict[str, NodeLayout]:
+    f32 = NodeLayout(8, 4, (Field("lower", 0, "vec3"), *_SKIP, Field("upper", 4, "vec3")), order=order)
+    packed: dict[str, NodeLayout] = {
+        kind: NodeLayout(4, 4, (Field("box", 0, kind), *_SKIP), order=order) for kind in PACKED
+    }
+    return {"f32": f32, **packed}
 
 
 def _parent(word: int) -> tuple[Field, Field]:
@@ -88,6 +113,8 @@ NODE_LAYOUTS: dict[str, dict[str, NodeLayout]] = {
         "grid16": NodeLayout(4, 4, (*_GRID16, *_parent(TAIL)), tail="links"),
         "half": NodeLayout(4, 4, (*_HALF, *_parent(TAIL)), tail="links"),
     },
+    "skip": _skipping("depth-first"),
+    "skip-octants": _skipping("octants"),
     "plane": {"f32": NodeLayout(2, 2, _PLANE, tail="triangles")},
     "plane-box": {
         "f32": NodeLayout(
@@ -101,9 +128,10 @@ NODE_LAYOUTS: dict[str, dict[str, NodeLayout]] = {
 """By what a traversal reads of a node, then by node format."""
 
 
-def glsl(name: str, node_format: str = "f32") -> str:
+def glsl(name: str, node_format: str = "f32", grid: Grid | None = None) -> str:
     """The GLSL that declares the node buffer of a layout and reads its chunks and fields.
 
+    A grid that is given is written into the text; else it is read from uniforms, which Mesa loads again in every step.
     Every read is noted for `shaders/common_reads.glsl`, which comes before it; a chunk counts as read whole.
     """
     layout = NODE_LAYOUTS[name][node_format]
@@ -123,7 +151,7 @@ def glsl(name: str, node_format: str = "f32") -> str:
     types = ["uint"] if is_bvh else sorted({chunk, "uvec2"})
     for field in layout.fields:
         lines += [_accessor(layout, field, of) for of in types if _fits(layout, field, of)]
-    return "\n".join(lines + (_fetch_node(layout) if is_bvh else [])) + "\n"
+    return "\n".join(lines + (_fetch_node(layout, grid) if is_bvh else [])) + "\n"
 
 
 def _tail_readers(layout: NodeLayout) -> list[str]:
@@ -146,8 +174,6 @@ def _tail_readers(layout: NodeLayout) -> list[str]:
 
 _BOXES = {
     "grid16": (
-        "uniform vec3 grid_origin;",
-        "uniform vec3 grid_cell;",
         "vec3 grid_point(uvec3 cells) { PRECISE vec3 p = grid_origin + vec3(cells) * grid_cell; return p; }",
         "void node_box(uvec4 c, out vec3 lower, out vec3 upper) {",
         "    lower = grid_point(c.xyz & 0xffffu);",
@@ -166,12 +192,26 @@ _BOXES = {
 }
 
 
-def _fetch_node(layout: NodeLayout) -> list[str]:
+def _grid(grid: Grid | None) -> list[str]:
+    if grid is None:
+        return ["uniform vec3 grid_origin;", "uniform vec3 grid_cell;"]
+    lines = []
+    for name, values in (("origin", grid.origin), ("cell", grid.cell)):
+        words = ", ".join(f"{word}u" for word in values.astype(np.float32).view(np.uint32))
+        lines.append(f"#define grid_{name} uintBitsToFloat(uvec3({words}))")
+    return lines
+
+
+def _fetch_node(layout: NodeLayout, grid: Grid | None) -> list[str]:
     """The BVH traversals' way to a node: its box and link word, and its parent's word where the layout has one."""
     parent = layout.field("parent")
     packed = layout.field("box")
-    lines = list(_BOXES[packed.kind]) if packed is not None else []
+    lines = _grid(grid) if packed is not None and packed.kind == "grid16" else []
+    lines += _BOXES[packed.kind] if packed is not None else ()
     lines += [f"const int NODE_WORDS = {(4 if packed is not None else 7) + (parent is not None)};"]
+    if layout.order == "octants":
+        shift = 4 if layout.words == 8 else 3
+        lines.append(f"uint node_copy(uint octant) {{ return octant * (uint(nodes.length()) >> {shift}); }}")
     head = "void fetch_node(uint node, out vec3 lower, out vec3 upper, out uint link"
     lines += [f"{head}{', out uint links' if parent is not None else ''}) {{", "    uvec4 low = node_chunk(node, 0u);"]
     if packed is not None:

@@ -88,10 +88,10 @@ def total(counts: npt.NDArray[np.uint32]) -> dict[str, int]:
 def whole_chunks(traversal: str, counts: npt.NDArray[np.uint32]) -> int:
     """The words by which reads of whole chunks exceed what `words` counts of them (docs/method.md, Work)."""
     sums = total(counts)
-    match traversal:
-        case "bvh-stack" | "bvh-restart-trail":
+    match TRAVERSALS[traversal].nodes:
+        case "box" | "skip" | "skip-octants":
             return sums["nodes"]
-        case "kd-backtrack":
+        case "plane-box":
             walked = sums["inner"] + sums["leaves"]
             return 2 * walked + (sums["nodes"] - walked)
         case _:

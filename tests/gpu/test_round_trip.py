@@ -23,7 +23,12 @@ Words = npt.NDArray[np.uint32]
 
 NODES = 999
 SEED = 41
-EVERY = [(name, node_format) for name, formats in NODE_LAYOUTS.items() for node_format in formats]
+EVERY = [
+    (name, node_format)
+    for name, formats in NODE_LAYOUTS.items()
+    for node_format, layout in formats.items()
+    if layout.order == "siblings"
+]
 
 
 def random_floats(rng: np.random.Generator, *shape: int) -> npt.NDArray[np.float32]:
