@@ -13,6 +13,7 @@ from typing import Any
 
 from renderer.child import ChildError, run_child
 from renderer.hard_cases.cell import Cell
+from renderer.pairs import meeting
 from renderer.variant import AXES, TRAVERSALS, Variant, matrix
 from scenes.hard_cases import FAMILIES
 
@@ -38,16 +39,29 @@ class Order:
     processes: int = 2
 
 
+TESTED = ("traversal", "intersector", "box", "nodes", "precision", "offset")
+"""The axes whose values may change an answer."""
+
+
 def all_variants(traversals: Sequence[str] = tuple(TRAVERSALS)) -> list[Variant]:
-    """Every valid combination of traversal, intersector and box test; other node formats and offsets with each
-    traversal and intersector, other precisions with each traversal."""
-    base: dict[str, Sequence[str]] = {"traversal": traversals, "method": ("compute",)}
-    tested = base | {"intersector": AXES["intersector"]}
-    crossed = [tested | {"box": AXES["box"]}]
-    crossed += [
-        with_ | {axis: AXES[axis][1:]} for axis, with_ in (("nodes", tested), ("offset", tested), ("precision", base))
-    ]
-    return [variant for axes in crossed for variant in matrix(axes)[0]]
+    """Every valid combination of values on TESTED."""
+    return matrix({"method": ("compute",), **{axis: AXES[axis] for axis in TESTED}, "traversal": traversals})[0]
+
+
+def few_variants(traversals: Sequence[str] = tuple(TRAVERSALS)) -> list[Variant]:
+    """Every traversal with every intersector, and variants in which every two values meet.
+
+    These leave the defaults on two axes at most, besides the traversal: what one value loses must not hide in what
+    another does.
+    """
+    every = all_variants(traversals)
+    plain = [variant for variant in every if _departures(variant) <= {"intersector"}]
+    return [*plain, *meeting([variant for variant in every if len(_departures(variant)) <= 2], TESTED, plain)]
+
+
+def _departures(variant: Variant) -> set[str]:
+    """The axes but for the traversal on which a variant leaves the defaults."""
+    return {axis for axis in TESTED[1:] if getattr(variant, axis) != getattr(Variant(), axis)}
 
 
 def run_order(order: Order, say: Callable[[int, int], None] = lambda done, crashed: None) -> list[Json]:

@@ -6,7 +6,6 @@ import shutil
 import subprocess
 from collections.abc import Iterator
 from functools import cache
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from hand_made import duplicates, scene
 from running import catalogue_scene, prepared
 
 from renderer.glsl import digest, flatten
+from renderer.pairs import meeting
 from renderer.plan import Plan
 from renderer.planner import LOOP_BUDGET, Reads
 from renderer.request import RAYS
@@ -48,23 +48,10 @@ def large() -> Scene:
 AXES_OF_TEXTS = tuple(axis for axis in AXES if axis not in ("traversal", "builder"))
 
 
-def pairs_of(variant: Variant) -> set[tuple[str, str, str, str]]:
-    """Every two axes with the variant's values on them."""
-    return {(a, getattr(variant, a), b, getattr(variant, b)) for a, b in combinations(AXES_OF_TEXTS, 2)}
-
-
 def variants(traversal: str, rays: str) -> list[Variant]:
-    """Few variants of a traversal in which any two values of different axes meet, if they meet in any.
-
-    A text is put together of a part for each axis.
-    """
+    """A text is put together of a part for each axis."""
     valid = matrix({"traversal": (traversal,), **{axis: AXES[axis] for axis in AXES_OF_TEXTS}}, rays)[0]
-    left = set().union(*(pairs_of(variant) for variant in valid))
-    found: list[Variant] = []
-    while left:
-        found.append(max(valid, key=lambda variant: len(pairs_of(variant) & left)))
-        left -= pairs_of(found[-1])
-    return found
+    return meeting(valid, AXES_OF_TEXTS)
 
 
 def plans(traversal: str) -> Iterator[Plan]:
@@ -91,17 +78,6 @@ def test_texts_are_valid(traversal: str, tmp_path: Path) -> None:
     assert len(files) > 20
     done = subprocess.run([validator(), *files], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
-
-
-@pytest.mark.parametrize("traversal", TRAVERSALS)
-def test_few_variants_hold_every_pair(traversal: str) -> None:
-    chosen = variants(traversal, "both")
-    assert len(chosen) < 30
-    assert {value for one in chosen for value in one.as_dict().values()} >= {
-        traversal,
-        *AXES["method"],
-        *AXES["layout"],
-    }
 
 
 def test_the_validator_refuses_a_bad_text(tmp_path: Path) -> None:
