@@ -132,6 +132,8 @@ def refusal(variant: Variant, rays: str = "both") -> str | None:
         return "brute-force tests no boxes: leave the box test at widened."
     if structure == "kd" and variant.nodes != "f32":
         return "a KD-tree's planes say which triangles a cell has, so none may be rounded: leave the nodes at f32."
+    if structure == "kd" and variant.precision != "highp":
+        return "a KD walk tells cells apart by the last bits of t: leave the precision at highp."
     if structure == "none" and variant.nodes != "f32":
         return "brute-force walks no nodes: leave them at f32."
     if variant.intersector == "baked" and variant.layout == "split":

@@ -55,6 +55,10 @@ def test_hybrid_has_no_primary_rays_to_time() -> None:
         (Variant("kd-push-down", builder="median"), "median is a BVH builder: a KD-tree is built with sah."),
         (Variant("kd-backtrack", builder="median"), "median is a BVH builder: a KD-tree is built with sah."),
         (Variant("brute-force", builder="median"), "brute-force has no structure to build: leave the builder at sah."),
+        (
+            Variant("kd-backtrack", precision="mediump"),
+            "a KD walk tells cells apart by the last bits of t: leave the precision at highp.",
+        ),
         (Variant("brute-force", nodes="half"), "brute-force walks no nodes: leave them at f32."),
         (
             Variant("kd-push-down", nodes="grid16"),
