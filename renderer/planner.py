@@ -292,7 +292,7 @@ class _Planner:
         state = TRAVERSALS[self.variant.traversal].state
         if state == "stack" and self.tree is not None:
             out.append(f"{MAX_DEPTH - max(self.tree.depth, 1)} of {MAX_DEPTH} stack entries")
-        if state == "trail" and self.tree is not None and self.tree.depth <= 32:
+        if state in ("trail", "short trail") and self.tree is not None and self.tree.depth <= 32:
             out.append("the trail's second word")
         return out
 

@@ -13,6 +13,9 @@ from renderer.variant import TRAVERSALS, Variant
 STAGES = ("STAGE_PRIMARY", "STAGE_SHADOW", "STATE_HITS", "STATE_HIDDEN", "STATE_OUT")
 """What a trace pass may do; `shaders/render_pixel.glsl` says what each means."""
 
+SHORT_STACK = 8
+"""Entries of a short stack, a power of two."""
+
 Stages = dict[str, str]
 
 
@@ -98,8 +101,10 @@ def _defines(form: Form) -> dict[str, int]:
     match TRAVERSALS[form.variant.traversal].state:
         case "stack":
             defines["STACK_SIZE"] = max(form.depth, 1)
-        case "trail":
+        case "trail" | "short trail":
             defines["TRAIL_WORDS"] = 1 if form.depth <= 32 else 2
+    if TRAVERSALS[form.variant.traversal].state.startswith("short"):
+        defines["SHORT_STACK"] = SHORT_STACK
     if form.tail_at is not None:
         defines["TAIL_AT"] = form.tail_at
     return defines

@@ -18,7 +18,8 @@ class VariantError(ValueError):
 class Traversal:
     """One row of the traversal table: the structure it walks, its node layout in `renderer.pack`, its source.
 
-    `state` is what it keeps for each level of the tree: STACK_SIZE or TRAIL_WORDS is then sized from the depth.
+    `state` is what it keeps for each level of the tree: STACK_SIZE or TRAIL_WORDS is then sized from the depth. A short
+    stack has SHORT_STACK entries, and with a trail TRAIL_WORDS beside it.
 
     The GLSL file is `shaders/traversal_NAME.glsl` with `_` for `-`.
     """
@@ -27,7 +28,7 @@ class Traversal:
     nodes: str
     source: str
     paper: bool = False
-    state: Literal["none", "stack", "trail"] = "none"
+    state: Literal["none", "stack", "trail", "short stack", "short trail"] = "none"
 
 
 TRAVERSALS: dict[str, Traversal] = {
@@ -35,9 +36,11 @@ TRAVERSALS: dict[str, Traversal] = {
     "bvh-stack": Traversal("bvh", "box", "both children a visit, while-while (Aila and Laine 2009)", state="stack"),
     "bvh-parent-link": Traversal("bvh", "box-parent", "Hapala et al. 2011", paper=True),
     "bvh-restart-trail": Traversal("bvh", "box", "Laine 2010", paper=True, state="trail"),
+    "bvh-short-stack": Traversal("bvh", "box", "Laine 2010; Vaidyanathan et al. 2019", state="short trail"),
     "bvh-skip-link": Traversal("bvh", "skip", "one order for all rays, no state (Smits 1998)"),
     "bvh-skip-octants": Traversal("bvh", "skip-octants", "an order for each octant of directions, no state"),
     "kd-push-down": Traversal("kd", "plane", "Horn et al. 2007", paper=True),
+    "kd-short-stack": Traversal("kd", "plane", "Horn et al. 2007", state="short stack"),
     "kd-backtrack": Traversal("kd", "plane-box", "Foley and Sugerman 2005", paper=True),
 }
 

@@ -25,7 +25,7 @@ from renderer.prepare import Prepared
 from renderer.records import Records
 from renderer.variant import Variant
 
-UNKNOWN = 0.02
+UNKNOWN = 0.04
 """How far the model may be from one that knows every loop and every braced branch: what the counters leave open is the
 turns of a traversal's outermost loop that end at no leaf."""
 

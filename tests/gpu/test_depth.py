@@ -13,7 +13,7 @@ from renderer.accuracy import identical
 from renderer.build.chain import chain_bvh
 from renderer.pack.api import pack
 from renderer.prepare import Prepared
-from renderer.variant import Variant
+from renderer.variant import TRAVERSALS, Variant
 from scenes.scene import Scene
 
 SIZE = (24, 24)
@@ -38,7 +38,7 @@ def row(number: int) -> Scene:
 
 @pytest.mark.parametrize("rightward", [True, False], ids=["rightward", "leftward"])
 @pytest.mark.parametrize("depth", [1, 31, 32, 33, 63, 64])
-@pytest.mark.parametrize("traversal", ["bvh-stack", "bvh-restart-trail", "bvh-parent-link"])
+@pytest.mark.parametrize("traversal", [name for name in WALKS if TRAVERSALS[name].structure == "bvh"])
 def test_deep_trees_are_walked_to_the_end(traversal: str, depth: int, rightward: bool) -> None:
     made = row(depth + 1)
     request = prepared(made, Variant(traversal), SIZE).request
