@@ -32,17 +32,7 @@ class TwinHost:
 
     def device(self) -> dict[str, Any]:
         """What EGL says of itself, and what it runs on."""
-        info = self._context().info
-        return {
-            "id": "llvmpipe" if "llvmpipe" in info["GL_RENDERER"] else "egl",
-            "kind": "twin",
-            "name": info["GL_RENDERER"],
-            "driver": info["GL_VERSION"],
-            "vendor": info["GL_VENDOR"],
-            "threads": self._threads,
-            "cores": os.cpu_count(),
-            "machine": platform.machine(),
-        }
+        return describe(self._context(), self._threads)
 
     def collect(self, plan: Plan) -> list[Tile]:
         """Run one frame of an instrumented plan."""
@@ -70,3 +60,18 @@ class TwinHost:
         if self._made is None:
             self._made = open_context()
         return self._made
+
+
+def describe(context: Any, threads: int) -> dict[str, Any]:
+    """What a context says of its device, and what that runs on."""
+    info = context.info
+    return {
+        "id": "llvmpipe" if "llvmpipe" in info["GL_RENDERER"] else "egl",
+        "kind": "twin",
+        "name": info["GL_RENDERER"],
+        "driver": info["GL_VERSION"],
+        "vendor": info["GL_VENDOR"],
+        "threads": threads,
+        "cores": os.cpu_count(),
+        "machine": platform.machine(),
+    }

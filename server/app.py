@@ -16,6 +16,7 @@ from server.api import devices as api_devices
 from server.api import difference as api_difference
 from server.api import events as api_events
 from server.api import frames as api_frames
+from server.api import hard_cases as api_hard_cases
 from server.api import jobs as api
 from server.api import pictures as api_pictures
 from server.api import profiles as api_profiles
@@ -58,6 +59,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(api_events.router)
     app.include_router(api_frames.router)
     app.include_router(api_devices.router)
+    app.include_router(api_hard_cases.router)
     app.include_router(api_pictures.router)
     app.include_router(api_profiles.router)
     app.include_router(api_trace.router)

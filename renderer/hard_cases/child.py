@@ -17,6 +17,8 @@ from renderer.child import Say, answer_task
 from renderer.hard_cases.asking import Asker
 from renderer.hard_cases.measure import measure_cell
 from renderer.hard_cases.ready import Ready
+from renderer.twin import open_context
+from renderer.twin_host import describe
 from renderer.variant import Variant
 from scenes.hard_cases import FAMILIES
 
@@ -28,8 +30,10 @@ def fill_cells(task: Json, say: Say) -> Json:
     os.environ["RAYFARM_CACHE"] = task["folder"]
     folder, seed = Path(task["folder"]), task["seed"]
     cases = {name: Ready(FAMILIES[name], seed, task["share"], folder) for name in task["families"]}
-    asker = Asker()
+    context = open_context()
+    asker = Asker(context)
     with Path(task["journal"]).open("a", encoding="utf-8") as journal:
+        _note(journal, {"device": describe(context, 1)})
         for variant in (Variant(**values) for values in task["variants"]):
             say("running")
             for name in _met(task, variant):

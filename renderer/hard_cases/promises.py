@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from renderer.hard_cases.cell import FAULTS
@@ -15,10 +16,10 @@ FALSE = ("false_hit", "false_miss", "any_false_hit", "any_false_miss", "wrong_pr
 
 TOO_SHORT = "a ray whose every component is below 2^-80 counts as still"
 ABSURD = "products of coordinates from 2^-126 to 2^127 leave float32 in ways that the bound does not follow"
-NO_AREA = "the papers' test takes triangles without area for some that have"
+GARBAGE_RAYS = "garbage-rays"
 KNOWN: dict[str, str] = {
     "extreme-lengths": TOO_SHORT,
-    "garbage-rays": TOO_SHORT,
+    GARBAGE_RAYS: TOO_SHORT,
     "garbage-finite": ABSURD,
     "garbage-corners": ABSURD,
     "garbage-bits": ABSURD,
@@ -29,9 +30,15 @@ FAR_EYE = "far-eye"
 """Where a KD walk may answer another of several triangles that t cannot tell apart."""
 
 
-def broken(rows: Iterable[Json]) -> list[str]:
-    """One sentence for each promise that a row breaks."""
-    return [f"{row['label']} on {row['family']}: {what}" for row in rows for what in _broken(row)]
+@dataclass(frozen=True)
+class Promise:
+    """What must hold of every row that it `covers`; `breaks` gives one phrase for each way in which it does not."""
+
+    name: str
+    what: str
+    of: str
+    covers: Callable[[Json], bool]
+    breaks: Callable[[Json], Iterator[str]]
 
 
 def exact_boxes(row: Json) -> bool:
@@ -41,32 +48,137 @@ def exact_boxes(row: Json) -> bool:
     return conservative and variant["precision"] == "highp"
 
 
-def _broken(row: Json) -> Iterator[str]:
-    if row["outcome"] in ("crashed", "hung"):
+def _ran(row: Json) -> bool:
+    return bool(row["outcome"] == "ran")
+
+
+def _counted(*names: str) -> Callable[[Json], Iterator[str]]:
+    """Counts that must be 0, where they were taken."""
+    return lambda row: (f"{row[name]} {name}" for name in names if row[name])
+
+
+def _faults(row: Json) -> Iterator[str]:
+    if not _ran(row):
         yield f"{row['outcome']}. {row['sentence']}"
-    if row["outcome"] != "ran":
-        return
-    yield from (f"{row[name]} {name}" for name in FAULTS if row[name])
+    else:
+        yield from _counted(*FAULTS)(row)
+
+
+def _too_dear(row: Json) -> Iterator[str]:
+    bar = FAMILIES[row["family"]].bar
+    if bar is not None and row["cost"] > bar:
+        yield f"a ray costs {row['cost']:.1f} times an ordinary one, the bar is {bar:g}"
+
+
+def _other_bits(row: Json) -> Iterator[str]:
     if row["fitted"] is False:
         yield "the specialised text gives other bits"
-    bar = FAMILIES[row["family"]].bar
-    if bar is not None and row["cost"] is not None and row["cost"] > bar:
-        yield f"a ray costs {row['cost']:.1f} times an ordinary one, the bar is {bar:g}"
-    if exact_boxes(row):
-        yield from _lost(row)
-    if row["variant"]["offset"] == "bounded" and row["variant"]["precision"] == "highp":
-        yield from (
-            f"{row[name]} {name} of {row['spawned']} spawned" for name in ("self_hit", "unexpected") if row[name]
-        )
 
 
-def _lost(row: Json) -> Iterator[str]:
-    """What a variant loses whose boxes lose nothing."""
-    variant = row["variant"]
-    kd = TRAVERSALS[variant["traversal"]].structure == "kd"
-    if row["differs"] and not (kd and row["family"] == FAR_EYE):
+def _differs(row: Json) -> Iterator[str]:
+    if row["differs"]:
         yield f"{row['differs']} answers differ from the reference's"
-    if variant["intersector"] == "watertight" and row["hole"]:
-        yield f"{row['hole']} holes"
-    if row["family"] not in KNOWN and variant["intersector"] != "baked":
-        yield from (f"{row[name]} {name}" for name in FALSE if row[name])
+
+
+def _starts_wrong(row: Json) -> Iterator[str]:
+    return (f"{row[name]} {name} of {row['spawned']} spawned" for name in ("self_hit", "unexpected") if row[name])
+
+
+def _is_exact(row: Json) -> bool:
+    return _ran(row) and exact_boxes(row)
+
+
+def _must_agree(row: Json) -> bool:
+    kd = TRAVERSALS[row["variant"]["traversal"]].structure == "kd"
+    return _is_exact(row) and row["differs"] is not None and not (kd and row["family"] == FAR_EYE)
+
+
+def _must_be_right(row: Json) -> bool:
+    return _is_exact(row) and row["family"] not in KNOWN and row["variant"]["intersector"] != "baked"
+
+
+def _must_be_closed(row: Json) -> bool:
+    return _is_exact(row) and row["variant"]["intersector"] == "watertight" and row["hole"] is not None
+
+
+def _must_be_cheap(row: Json) -> bool:
+    """In 16 bits a garbage ray's slabs are no numbers, and it enters every box."""
+    known = row["family"] == GARBAGE_RAYS and row["variant"]["precision"] != "highp"
+    return _ran(row) and FAMILIES[row["family"]].bar is not None and row["cost"] is not None and not known
+
+
+def _must_leave(row: Json) -> bool:
+    variant = row["variant"]
+    bounded = variant["offset"] == "bounded" and variant["precision"] == "highp"
+    return _ran(row) and bounded and row["spawned"] is not None
+
+
+PROMISES = (
+    Promise(
+        "answers",
+        "no NaN, nothing cut, no bound passed, no crash, no hang",
+        "all",
+        lambda row: row["outcome"] in ("ran", "crashed", "hung"),
+        _faults,
+    ),
+    Promise(
+        "cost",
+        "rays of NaN and infinity cost at most 2.5 ordinary rays",
+        f"all; in 16-bit arithmetic but for {GARBAGE_RAYS}",
+        _must_be_cheap,
+        _too_dear,
+    ),
+    Promise(
+        "specialised",
+        "the specialised text gives the same bits",
+        "all, on a sample of families",
+        lambda row: _ran(row) and row["fitted"] is not None,
+        _other_bits,
+    ),
+    Promise(
+        "bits",
+        "no answer differs from the reference's",
+        f"widened boxes, conservative nodes; KD walks but for {FAR_EYE}",
+        _must_agree,
+        _differs,
+    ),
+    Promise(
+        "right",
+        "no false hit, no false miss, no wrong primitive",
+        "widened boxes, conservative nodes, not baked; not in families whose numbers leave float32",
+        _must_be_right,
+        _counted(*FALSE),
+    ),
+    Promise("closed", "no hole", "watertight, widened boxes, conservative nodes", _must_be_closed, _counted("hole")),
+    Promise(
+        "offset",
+        "no self-hit, nothing unexpected",
+        "offset bounded, highp",
+        _must_leave,
+        _starts_wrong,
+    ),
+)
+
+
+def breaches(row: Json) -> list[tuple[str, str]]:
+    """The promises that a row breaks, by name, each with a phrase."""
+    return [(promise.name, what) for promise in PROMISES if promise.covers(row) for what in promise.breaks(row)]
+
+
+def broken(rows: Iterable[Json]) -> list[str]:
+    """One sentence for each promise that a row breaks."""
+    return [f"{row['label']} on {row['family']}: {what}" for row in rows for _, what in breaches(row)]
+
+
+def kept(rows: Sequence[Json]) -> list[Json]:
+    """Every promise with the number of cells that it was held against, and of those that broke it."""
+    return [
+        {
+            "name": promise.name,
+            "what": promise.what,
+            "of": promise.of,
+            "cells": sum(promise.covers(row) for row in rows),
+            "broken": sum(promise.covers(row) and any(promise.breaks(row)) for row in rows),
+        }
+        for promise in PROMISES
+    ]

@@ -64,8 +64,19 @@ def _departures(variant: Variant) -> set[str]:
     return {axis for axis in TESTED[1:] if getattr(variant, axis) != getattr(Variant(), axis)}
 
 
-def run_order(order: Order, say: Callable[[int, int], None] = lambda done, crashed: None) -> list[Json]:
-    """The cells of an order as plain rows, those that crashed or hung among them; `say` is told how many there are."""
+@dataclass(frozen=True)
+class Ran:
+    """The cells of an order as plain rows, those that crashed or hung among them, and the device that filled them.
+
+    `device` is None where no process lived to tell.
+    """
+
+    rows: list[Json]
+    device: Json | None
+
+
+def run_order(order: Order, say: Callable[[int, int], None] = lambda done, crashed: None) -> Ran:
+    """Fill the cells of an order; `say` is told how many are filled and lost."""
     with tempfile.TemporaryDirectory(prefix="rayfarm-hard-cases-") as folder:
         shards = [_Shard(order, index, Path(folder)) for index in range(order.processes)]
         threads = [threading.Thread(target=shard.run) for shard in shards]
@@ -74,7 +85,8 @@ def run_order(order: Order, say: Callable[[int, int], None] = lambda done, crash
         while any(thread.is_alive() for thread in threads):
             time.sleep(1.0)
             say(sum(len(shard.rows()) for shard in shards), sum(len(shard.lost) for shard in shards))
-        return [row for shard in shards for row in (*shard.rows(), *shard.lost)]
+        rows = [row for shard in shards for row in (*shard.rows(), *shard.lost)]
+        return Ran(rows, next((device for shard in shards if (device := shard.device())), None))
 
 
 class _Shard:
@@ -101,6 +113,10 @@ class _Shard:
     def rows(self) -> list[Json]:
         """The cells filled so far."""
         return [line["cell"] for line in self._lines() if "cell" in line]
+
+    def device(self) -> Json | None:
+        """What the cells are filled on, as far as a process told."""
+        return next((line["device"] for line in self._lines() if "device" in line), None)
 
     def _task(self) -> Json:
         order = self._order

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import numpy.typing as npt
 
@@ -13,6 +15,9 @@ Ints = npt.NDArray[np.int32]
 WORDS = 16
 """Of a triangle."""
 
+LOST = 2.0**20
+"""How much larger what float64 subtracts may be than the difference, which then has 30 digits or more."""
+
 
 @np.errstate(over="ignore", invalid="ignore")
 def bake(triangles: Floats, order: Ints | None) -> Words:
@@ -20,13 +25,16 @@ def bake(triangles: Floats, order: Ints | None) -> Words:
 
     k is the axis along which the normal is longest; i and j follow it cyclically. A triangle's words: w_i, w_j, w; its
     id, shifted over k; u_i, u_j, u; v_i, v_j, v; lower; upper. The plane is p_k + w_i p_i + w_j p_j + w = 0, and
-    u_i p_i + u_j p_j + u and v_i p_i + v_j p_j + v are the coordinates along its sides from the first corner. Found
-    in float64 and rounded. Degenerate triangles get coordinates below 0; a number too large for float32 is infinite,
-    and so is what the shader makes of it: neither is hit.
+    u_i p_i + u_j p_j + u and v_i p_i + v_j p_j + v are the coordinates along its sides from the first corner. Found in
+    float64 and rounded; where float64 loses more of a plane than float32 does, found by rationals. Degenerate triangles
+    get coordinates below 0; a number too large for float32 is infinite, and so is what the shader makes of it: neither
+    is hit.
     """
     ids = np.arange(len(triangles), dtype=np.int32) if order is None else order
     chosen = triangles[ids]
     kept, plane, across, along = _rows(chosen.astype(np.float64))
+    for i in np.flatnonzero(_unsure(chosen.astype(np.float64), kept, plane)):
+        kept[i], plane[i], across[i], along[i] = _exact_rows(chosen[i])
     words = np.empty((len(ids), WORDS), np.uint32)
     words[:, :3] = _bits(plane)
     words[:, 3] = ids.astype(np.uint32) << 2 | kept.astype(np.uint32)
@@ -48,6 +56,44 @@ def _rows(corners: Doubles) -> tuple[npt.NDArray[np.intp], Doubles, Doubles, Dou
     across, along = _side(a, c) / n[:, :1], -_side(a, b) / n[:, :1]
     across[flat], along[flat] = [0.0, 0.0, -1.0], 0.0
     return kept, plane, across, along
+
+
+def _unsure(corners: Doubles, kept: npt.NDArray[np.intp], plane: Doubles) -> npt.NDArray[np.bool_]:
+    """Which planes (m, 3) may be off by more than 2^-30 of a word: where what was subtracted was far larger."""
+    cyclic = (kept[:, None] + np.arange(3)) % 3
+    a = np.take_along_axis(corners[:, 0], cyclic, axis=1)
+    b, c = (np.abs(np.take_along_axis(corners[:, side] - corners[:, 0], cyclic, axis=1)) for side in (1, 2))
+    terms = b[:, [1, 2, 0]] * c[:, [2, 0, 1]] + b[:, [2, 0, 1]] * c[:, [1, 2, 0]]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.abs(np.take_along_axis(normal, kept[:, None], axis=1))
+    reached = np.abs(a[:, 0]) + np.abs(plane[:, 0] * a[:, 1]) + np.abs(plane[:, 1] * a[:, 2])
+    lost = LOST * size < terms.max(axis=1, keepdims=True)
+    unsure: npt.NDArray[np.bool_] = (lost[:, 0] | (LOST * np.abs(plane[:, 2]) < reached)) & (size[:, 0] > 0.0)
+    return unsure & np.isfinite(size[:, 0])
+
+
+def _exact_rows(triangle: Floats) -> tuple[int, list[float], list[float], list[float]]:
+    """As `_rows`, of one triangle (3, 3) and by rationals."""
+    a, b, c = ([Fraction(float(value)) for value in corner] for corner in triangle)
+    ab, ac = [y - x for x, y in zip(a, b, strict=True)], [y - x for x, y in zip(a, c, strict=True)]
+    normal = [ab[i - 2] * ac[i - 1] - ab[i - 1] * ac[i - 2] for i in range(3)]
+    k = max(range(3), key=lambda i: abs(normal[i]))
+    i, j = (k + 1) % 3, (k + 2) % 3
+    if normal[k] == 0:
+        return k, [0.0, 0.0, -float(a[k])], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0]
+    whole = [normal[i], normal[j], -sum(n * x for n, x in zip(normal, a, strict=True))]
+    across = [c[j] - a[j], a[i] - c[i], a[j] * c[i] - a[i] * c[j]]
+    along = [a[j] - b[j], b[i] - a[i], a[i] * b[j] - a[j] * b[i]]
+    plane, u, v = ([_float(value / normal[k]) for value in row] for row in (whole, across, along))
+    return k, plane, u, v
+
+
+def _float(value: Fraction) -> float:
+    """The nearest float64, infinite beyond."""
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf") if value > 0 else float("-inf")
 
 
 def _side(a: Doubles, b: Doubles) -> Doubles:

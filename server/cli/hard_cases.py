@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -14,32 +17,53 @@ from rich.console import Console
 from rich.table import Table
 
 from renderer.hard_cases.cell import FAULTS, WRONG
-from renderer.hard_cases.promises import broken
 from renderer.hard_cases.study import Order, few_variants, run_order
 from renderer.locks import holding, machine_lock
 from renderer.variant import TRAVERSALS, Variant, expand
 from scenes.hard_cases import FAMILIES
-from server.cli.common import SOME_FAILED
+from server.cli.common import SOME_FAILED, Client, ClientError
+from server.cli.reports import report_path
+from server.hard_cases.document import NAME, study_document
 
 Json = dict[str, Any]
-NAME = "hard-cases"
+RESCUED = Path("rayfarm-hard-cases.json")
+"""Where a study goes that a service did not take."""
 _ALSO = ("edge", "any_edge", "differs")
 _WIDTH = 150
 
 
 def hard_cases_here(
-    traversal: str | None, output: Path | None, as_json: bool, *, seed: int | None = None, share: float = 1.0
+    traversal: str | None,
+    output: Path | None,
+    report: Path | None,
+    as_json: bool,
+    server: str | None = None,
+    *,
+    seed: int | None = None,
+    share: float = 1.0,
 ) -> int:
-    """Run the study here, show it, and write it to `output`; the exit code, 1 when a promise is broken."""
+    """Run the study here, show it, write it to `output` and its report to `report`, and hand it to `server`.
+
+    The exit code is 1 when a promise is broken.
+    """
     traversals = expand("traversal", traversal or "all")
     order = Order(few_variants(traversals), seed=Order.seed if seed is None else seed, share=share)
+    path = report_path(NAME, report)
+    if output is not None and not output.parent.is_dir():
+        raise ClientError(f"The study cannot be written to {output}: there is no folder {output.parent}.")
     notes = Console(stderr=True, quiet=as_json, highlight=False, soft_wrap=True)
-    notes.print(f"{len(order.variants)} variants, {len(order.families)} families, seed {order.seed}")
-    with holding(machine_lock(), lambda: notes.print("waiting for another measurement")), notes.status("") as status:
-        rows = run_order(order, lambda done, lost: status.update(f"{done} cells done, {lost} lost"))
-    document = study_document(order, rows)
-    if output is not None:
-        output.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    with ExitStack() as stack:
+        # Asked before it is run: the study takes minutes.
+        client = None if server is None else stack.enter_context(Client(server))
+        if client is not None:
+            client.get("hard-cases")
+        document = _run(order, notes)
+        if output is not None:
+            output.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        if path is not None:
+            notes.print(_report(document, path), markup=False)
+        if client is not None:
+            notes.print(_hand_in(client, document), markup=False)
     if as_json:
         typer.echo(json.dumps(document))
     else:
@@ -47,19 +71,32 @@ def hard_cases_here(
     return SOME_FAILED if document["broken"] else 0
 
 
-def study_document(order: Order, rows: Sequence[Json]) -> Json:
-    """The study as one plain document: what was run, the families, every cell, and the promises broken."""
-    families = [
-        {"name": name, "reason": FAMILIES[name].reason, "source": FAMILIES[name].source} for name in order.families
-    ]
-    return {
-        "study": NAME,
-        "seed": order.seed,
-        "share": order.share,
-        "families": families,
-        "cells": list(rows),
-        "broken": broken(rows),
-    }
+def _run(order: Order, notes: Console) -> Json:
+    notes.print(f"{len(order.variants)} variants, {len(order.families)} families, seed {order.seed}")
+    with holding(machine_lock(), lambda: notes.print("waiting for another measurement")), notes.status("") as status:
+        started, begun = datetime.now(UTC), time.monotonic()
+        ran = run_order(order, lambda done, lost: status.update(f"{done} cells done, {lost} lost"))
+    return study_document(order, ran, started, time.monotonic() - begun)
+
+
+def _report(document: Json, path: Path) -> str:
+    from server.hard_cases.report import write_report
+
+    try:
+        write_report(document, path)
+    except OSError as error:
+        raise ClientError(f"The report cannot be written to {path}: {error.strerror or error}.") from error
+    return f"The report is {path}."
+
+
+def _hand_in(client: Client, document: Json) -> str:
+    """Hand a study to a service; where that fails it is kept in a file."""
+    try:
+        line = client.submit("hard-cases", document)
+    except ClientError as error:
+        RESCUED.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        raise ClientError(f"{error} The study is kept in {RESCUED}: POST it to /api/v1/hard-cases.") from error
+    return f"See it at {client.address}{line['page']}"
 
 
 def show(document: Json, console: Console) -> None:
@@ -71,6 +108,7 @@ def show(document: Json, console: Console) -> None:
         told = {(row["family"], row["sentence"]) for row in cells if row["outcome"] == outcome}
         for family, sentence in sorted(told):
             console.print(f"{title}: {family}: {sentence}")
+    console.print(_promises_table(document["promises"]))
     console.print(f"{len(document['broken'])} promises broken.")
     for sentence in document["broken"]:
         console.print(f"  {sentence}")
@@ -82,6 +120,13 @@ def _variants_table(cells: Iterable[Json]) -> Table:
         ran = [row for row in rows if row["outcome"] == "ran"]
         totals = (_total(ran, names) for names in (WRONG[:3], ("hole",), ("edge",), ("differs",), FAULTS))
         table.add_row(axes, _traversals(rows), str(len(ran)), *totals, _worst_cost(ran))
+    return table
+
+
+def _promises_table(promises: Iterable[Json]) -> Table:
+    table = Table("promise", "of which variants", "cells", "broken in")
+    for promise in promises:
+        table.add_row(promise["what"], promise["of"], str(promise["cells"]), str(promise["broken"]))
     return table
 
 

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 
 Json = dict[str, Any]
 Pictures = Callable[[str], bytes | None]
-PAPER = "paper"
-"""The study that ends in a report."""
-REPORT = Path("rayfarm-paper.html")
 
 
 @dataclass(frozen=True)
@@ -30,18 +27,6 @@ class Written:
 
     verdicts: Verdicts
     text: str
-
-
-def report_path(name: str, given: Path | None) -> Path | None:
-    """Where a study's report goes, None for one that has none; raise ClientError where it cannot be written."""
-    if name != PAPER:
-        if given is not None:
-            raise ClientError(f"Only the study {PAPER} has a report: leave out --report.")
-        return None
-    path = given or REPORT
-    if path.is_dir() or not path.parent.is_dir():
-        raise ClientError(f"The report cannot be written to {path}: give --report a file in a folder that exists.")
-    return path
 
 
 def report_here(documents: Sequence[Json], pictures: Path, path: Path) -> Written:

@@ -11,13 +11,15 @@ from rich.console import Console
 from server.cli.alarms import SAME, show_alarms
 from server.cli.common import SOME_FAILED, Client, ClientError, JsonFlag, make_console
 from server.cli.follow import follow_study
-from server.cli.paper_report import REPORT, print_verdicts, report_path, report_there
+from server.cli.paper_report import print_verdicts, report_there
+from server.cli.reports import REPORTS, report_path
 from server.cli.submit import show_study
 
 Json = dict[str, Any]
 HARD_CASES = "hard-cases"
 HARD_CASES_HERE = (
-    "The study hard-cases runs here and has families for scenes: give it --traversal, --output and --json alone."
+    "The study hard-cases runs here and has families for scenes: give it --traversal, --output, --report, --server and "
+    "--json alone."
 )
 
 
@@ -46,13 +48,19 @@ def study(
     device: Annotated[str | None, typer.Option(help="With --server: the devices, as `rayfarm devices` lists.")] = None,
     output: Annotated[Path | None, typer.Option(help="Write the results there, one JSON document a line.")] = None,
     report: Annotated[
-        Path | None, typer.Option(help=f"With paper: where the report goes, by default {REPORT}.", show_default=False)
+        Path | None,
+        typer.Option(
+            help=f"With {' and '.join(REPORTS)}: where the report goes, by default {REPORTS['paper']} and so on.",
+            show_default=False,
+        ),
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Forget what an interrupted run has measured here.")] = False,
     follow: Annotated[
         int | None, typer.Option(help="With --server: go on watching the study of this number.", show_default=False)
     ] = None,
-    server: Annotated[str | None, typer.Option(help="Run it on a service instead of here.")] = None,
+    server: Annotated[
+        str | None, typer.Option(help="Run it on a service instead of here; hard-cases runs here and is handed to it.")
+    ] = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Run a named study here, or with --server on a service, and compare its results.
@@ -64,9 +72,9 @@ def study(
     if name == HARD_CASES:
         from server.cli.hard_cases import hard_cases_here
 
-        others = (*changes.values(), server, follow, report)
+        others = (*changes.values(), follow, fresh or None)
         _refuse(next((value for value in others if value is not None), None), HARD_CASES_HERE)
-        raise typer.Exit(hard_cases_here(traversal, output, as_json))
+        raise typer.Exit(hard_cases_here(traversal, output, report, as_json, server))
     _refuse(traversal, "--traversal is for the study hard-cases: leave it out.")
     if server is None and follow is None:
         _refuse(device, "--device is for studies on a service: add --server.")

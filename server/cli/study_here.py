@@ -17,8 +17,9 @@ from renderer.request import Request, parse_size
 from server.cli.alarms import SAME, show_alarms
 from server.cli.common import SOME_FAILED, ClientError, make_console
 from server.cli.journal import Journal, Kept, open_journal
-from server.cli.paper_report import print_verdicts, report_here, report_path
+from server.cli.paper_report import print_verdicts, report_here
 from server.cli.progress import Pace, slices_bar
+from server.cli.reports import report_path
 from server.cli.table import print_comparison
 from server.live.time_left import write_left
 from server.named_studies import require_study

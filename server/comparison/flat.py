@@ -95,12 +95,14 @@ def to_csv(table: pd.DataFrame, *, index: bool) -> str:
     return guarded.to_csv(index=index)
 
 
-def csv_lines(rows: Iterable[dict[str, Any]], fields: Sequence[str] = ()) -> Iterator[str]:
-    """Flat rows as CSV, some lines at a time, guarded as by `to_csv`: COLUMNS, then `fields`.
+def csv_lines(
+    rows: Iterable[dict[str, Any]], fields: Sequence[str] = (), columns: Sequence[str] = COLUMNS
+) -> Iterator[str]:
+    """Flat rows as CSV, some lines at a time, guarded as by `to_csv`: `columns`, then `fields`.
 
     Raise ValueError for a row with another column, so that nothing is left out unseen.
     """
-    columns = list(dict.fromkeys((*COLUMNS, *fields)))
+    columns = list(dict.fromkeys((*columns, *fields)))
     kept: list[str] = []
     writer = csv.DictWriter(cast(IO[str], _Kept(kept)), columns, lineterminator="\n")
     writer.writerow({name: _guarded(name) for name in columns})

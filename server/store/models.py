@@ -239,6 +239,21 @@ class Submitted(Base):
     created_at: Mapped[datetime] = mapped_column(default=now, index=True)
 
 
+class HardCaseRun(Base):
+    """A study of hard cases that was handed in whole; `digest` tells whether it is the same document again.
+
+    `facts` is what a list shows of it (`server.hard_cases.store.facts_of`).
+    """
+
+    __tablename__ = "hard_case_runs"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    digest: Mapped[str] = mapped_column(String(64), unique=True)
+    recorded_at: Mapped[datetime] = mapped_column(default=now)
+    facts: Mapped[Json]
+    document: Mapped[Json] = mapped_column(deferred=True)
+
+
 class Profile(Base):
     """A profiler's file that was imported for a job: what it was, and where its text is (`sha256` in the blob store).
 

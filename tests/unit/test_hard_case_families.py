@@ -157,7 +157,7 @@ def test_a_process_that_dies_is_counted_and_followed_by_another(how: str, monkey
     limit = 1.0 if how == "hung" else 60.0
     families = ("stadium", "leak", "limits", "flat-scene")
     variants = [Variant(name, "compute") for name in list(TRAVERSALS)[:3]]
-    rows = run_order(Order(variants, families, limit_s=limit, processes=2))
+    rows = run_order(Order(variants, families, limit_s=limit, processes=2)).rows
     assert len(rows) == len(families) * len(variants)
     lost = [row for row in rows if row["outcome"] != "ran"]
     assert {(row["outcome"], row["family"]) for row in lost} == {(how, "limits")}
