@@ -16,7 +16,8 @@ SPEED = "speed"
 class Chart:
     """One chart. `x` is the metric of the horizontal axis and `y` of the vertical; without `x`, variants stand on it.
 
-    An empty `y` is the comparison's own metric. `front` is the cost whose Pareto front is drawn (`pareto.COSTS`).
+    An empty `y` is the comparison's own metric. `front` is the cost whose Pareto front is drawn (`pareto.COSTS`), and
+    `paid` says what more speed off the front would cost.
     """
 
     label: str
@@ -24,12 +25,23 @@ class Chart:
     x: str = ""
     y: str = ""
     front: str = ""
+    paid: str = ""
+
+
+def _against(cost: str, what: str, paid: str) -> Chart:
+    """Speed against one of `pareto.COSTS`."""
+    return Chart(f"speed against {what}", f"Speed against {what}", COSTS[cost], "mrays_per_s", cost, paid)
 
 
 CHARTS = {
     SPEED: Chart("the metric, with intervals", ""),
-    "error": Chart("speed against error", "Speed against error", "error_total", "mrays_per_s", "error"),
-    "size": Chart("speed against size", "Speed against structure size", "structure_bytes", "mrays_per_s", "size"),
+    "error": _against("error", "error", "more error"),
+    "edge": _against("edge", "edge cases", "more edge cases"),
+    "shadow": _against("shadow", "shadow mismatches", "more shadow mismatches"),
+    "ulp": _against("ulp", "the worst t", "a worse t"),
+    "flip": _against("flip", "FLIP of the picture", "a higher FLIP"),
+    "psnr": _against("psnr", "PSNR of the picture", "a lower PSNR"),
+    "size": _against("size", "structure size", "more memory"),
     "work": Chart("nodes per ray against speed", "Nodes per ray against speed", "mrays_per_s", "per_ray_nodes"),
 }
 assert {chart.front for chart in CHARTS.values()} == {"", *COSTS}

@@ -56,6 +56,7 @@ METRICS: dict[str, Metric] = {
         Metric("error_false_miss", "False misses", "of rays", "lower", "fraction"),
         Metric("error_wrong_primitive", "Wrong primitive", "of rays", "lower", "fraction"),
         Metric("error_edge", "Edge cases", "of rays", "lower", "fraction"),
+        Metric("error_t_ulp_max", "Worst t of right hits", "ulp", "lower"),
         Metric("error_shadow_mismatch", "Shadow mismatch", "of shadow rays", "lower", "fraction"),
         Metric("error_shadow_self_hit", "Shadow rays that hit their own start", "of shadow rays", "lower", "fraction"),
         Metric("error_shadow_leak", "Shadow rays that leak", "of shadow rays", "lower", "fraction"),

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from server.comparison.metrics import METRICS
 from server.comparison.pivot import Cell, Comparison
 
-COSTS = {"error": "error_total", "size": "structure_bytes"}
-"""What speed is held against, and its metric."""
+COSTS = {
+    "error": "error_total",
+    "edge": "error_edge",
+    "shadow": "error_shadow_mismatch",
+    "ulp": "error_t_ulp_max",
+    "flip": "error_flip",
+    "psnr": "error_psnr",
+    "size": "structure_bytes",
+}
+"""What speed is held against, and its metric; one of which more is better is paid for by having less."""
 SPEED = "mrays_per_s"
 RAYS = ("scene", "size", "rays_kind")
 """What results must share for their speeds to be of the same rays; fields of a flat row."""
@@ -38,6 +47,7 @@ def fronts(table: Comparison, cost: str) -> list[list[int] | None]:
 
 
 def _of_column(column: Sequence[Cell | None], cost: str) -> list[int] | None:
+    sign = -1.0 if METRICS[cost].better == "higher" else 1.0
     points: dict[int, tuple[float, float]] = {}
     rays = set()
     for place, cell in enumerate(column):
@@ -45,7 +55,7 @@ def _of_column(column: Sequence[Cell | None], cost: str) -> list[int] | None:
             continue
         paid, speed = cell.figures[cost].value, cell.figures[SPEED].value
         if paid is not None and speed is not None:
-            points[place] = paid, speed
+            points[place] = sign * paid, speed
             rays.add(tuple(str(cell.row.get(name)) for name in RAYS))
     if len(rays) > 1:
         return None

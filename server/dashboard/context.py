@@ -13,7 +13,21 @@ from server.comparison.pivot import DIMENSIONS, Comparison, label
 from server.comparison.selection import Selection
 from server.dashboard.cells import view_cells
 
-LAYOUTS = ("traversal", "method", "layout", "traversal,method", "traversal,layout", "traversal,method,layout", "scene")
+LAYOUTS = (
+    "traversal",
+    "method",
+    "layout",
+    "intersector",
+    "nodes",
+    "builder",
+    "traversal,method",
+    "traversal,layout",
+    "traversal,method,layout",
+    "traversal,intersector",
+    "traversal,nodes",
+    "traversal,builder",
+    "scene",
+)
 COLUMNS = (
     "scene",
     "device",
@@ -55,9 +69,10 @@ def comparison_context(
         "columns": _dimensions(COLUMNS, selection.columns),
         "sorts": _sorts(table, selection),
         "charts": [Option(key, one.label, key == selection.chart) for key, one in CHARTS.items()],
-        "chart": {"title": chart.title or f"{up.label}, with 95 % intervals", "front": chart.front},
+        "chart": {"title": chart.title or f"{up.label}, with 95 % intervals", "front": chart.front, "paid": chart.paid},
         "axes": {"x": across, "y": up},
         "points": points_of(chart, table),
+        "against_error": f"/?{selection.query(chart='error')}",
         "baselines": _baselines(table, selection),
         "exports": [(name, f"/api/v1/compare?{selection.query(format=form)}") for form, name in EXPORTS.items()],
         "studies": [Option(str(key), f"{key}: {name}", key == selection.study) for key, name in studies],

@@ -10,6 +10,7 @@ from fastapi.responses import Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from renderer.variant import AXES
 from scenes.catalogue import ENTRIES, find, is_here
 from scenes.entry import Entry
 from scenes.scene import SceneError
@@ -48,7 +49,9 @@ def scenes_page(request: Request) -> Response:
 def scene_page(name: str, request: Request) -> Response:
     """One scene; a name that is not the catalogue's is shown when something was measured under it."""
     entry, reason = _entry(name)
-    with database_of(request).reading() as session:
+    database = database_of(request)
+    known = known_values(database)
+    with database.reading() as session:
         measured = session.scalar(select(Result.id).where(Result.scene == name).limit(1)) is not None
         picture = _newest(session, name)
     if entry is None and not measured:
@@ -60,10 +63,16 @@ def scene_page(name: str, request: Request) -> Response:
         "measured": measured,
         "picture": picture,
         "results": f"/?{urlencode({'scene': name, 'cols': 'device'})}",
+        "against_error": f"/?{urlencode({'scene': name, 'rows': ','.join(_varied(known)), 'chart': 'error'})}",
         "pictures": f"/pictures?{urlencode({'scene': name})}",
         "submit": f"/submit?{urlencode({'scenes': name})}",
     }
     return render(request, "scene.html", context)
+
+
+def _varied(known: dict[str, list[str]]) -> list[str]:
+    """The axes that tell stored variants apart."""
+    return ["traversal", *(axis for axis in AXES if axis != "traversal" and len(known.get(axis, ())) > 1)]
 
 
 def _entry(name: str) -> tuple[Entry | None, str]:

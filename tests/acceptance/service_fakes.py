@@ -21,7 +21,14 @@ from server.settings import Settings
 from server.store.database import Database
 from server.worker import Combine, RunSlice, Worker
 
-SPEEDS = dict(zip(AXES["traversal"], (0.01, 2.0, 1.4, 1.1, 0.9, 0.6), strict=True))
+SPEEDS = dict.fromkeys(AXES["traversal"], 0.5) | {
+    "brute-force": 0.01,
+    "bvh-stack": 2.0,
+    "bvh-parent-link": 1.4,
+    "bvh-restart-trail": 1.1,
+    "kd-push-down": 0.9,
+    "kd-backtrack": 0.6,
+}
 HOST = "here"
 POLL_S = 0.05
 LEASE_S = 4.0

@@ -53,6 +53,20 @@ def test_a_column_has_its_front_and_an_unmeasured_figure_no_point() -> None:
     assert [names[place] for place in size] == ["brute-force", "bvh-stack", "kd-backtrack"]
 
 
+def test_less_of_what_is_better_high_is_a_cost() -> None:
+    results = [
+        stored(1, "bvh-stack", 1.0, 0.0, error={"psnr": 60.0, "flip": 0.01}),
+        stored(2, "kd-backtrack", 2.0, 0.0, error={"psnr": 40.0, "flip": 0.02}),
+        stored(3, "kd-push-down", 1.5, 0.0, error={"psnr": 30.0, "flip": 0.03}),
+    ]
+    table = compare(results, METRICS["fps"])
+    names = [key[0] for key in table.row_keys]
+    for cost in ("psnr", "flip"):
+        found = fronts(table, cost)[0]
+        assert found is not None
+        assert [names[place] for place in found] == ["bvh-stack", "kd-backtrack"]
+
+
 @pytest.mark.parametrize("other", [{"scene": "b"}, {"size": [16, 8]}, {"rays_kind": "primary"}])
 def test_variants_of_different_rays_have_no_front(other: dict[str, Any]) -> None:
     results = [stored(1, "bvh-stack", 1.0, 0.0), stored(2, "kd-backtrack", 2.0, 0.0, **other)]
