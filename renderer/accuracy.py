@@ -6,6 +6,7 @@ not asked.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 
@@ -135,6 +136,15 @@ def identical(a: Records, b: Records) -> Difference:
     pixels = primary | _shadow_pixels(a, b)
     first = {name: tuple(int(p) for p in where[:8]) for name, where in pixels.items() if len(where)}
     return Difference(**{name: len(where) for name, where in pixels.items()}, first=first)
+
+
+def answers_sha(records: Records) -> str:
+    """A sha256 over what `identical` compares, so that stored results can be told alike: rays, hits and shadows."""
+    digest = hashlib.sha256()
+    rays = (records.primary.origin, records.primary.direction, records.shadow.origin, records.shadow.direction)
+    for part in (*rays, records.hits.primitive, records.hits.t, records.shadow_pixel, records.occluded):
+        digest.update(np.ascontiguousarray(part).data)
+    return digest.hexdigest()
 
 
 _Figures = tuple[dict[str, float | None], dict[str, int]]

@@ -100,6 +100,7 @@ def combine(request: Request, measurements: list[dict[str, Any]]) -> Result:
         "compile_ms": first["compile_s"] * 1e3,
         "per_ray": _per_ray(first["per_ray"]),
         "overflows": 0,
+        "answers_sha": first.get("answers_sha"),
         "error": {name: first["error"].get(name) for name in _ERRORS} | {"counts": first["error"]["counts"]},
         "vs_embree": _versus(timed, cpu, embree),
         "model": first.get("model"),

@@ -289,6 +289,8 @@ class _Planner:
         if not self.request.specialise:
             return []
         out = [] if self.packed.normals else ["vertex normals in the primitive buffers"]
+        if self.packed.nodes is not None and self.packed.nodes.grid is not None:
+            out.append("uniforms of the node grid")
         state = TRAVERSALS[self.variant.traversal].state
         if state == "stack" and self.tree is not None:
             out.append(f"{MAX_DEPTH - max(self.tree.depth, 1)} of {MAX_DEPTH} stack entries")

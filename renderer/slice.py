@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.accuracy import Errors, judge
+from renderer.accuracy import Errors, answers_sha, judge
 from renderer.child import Say, answer_task, silent
 from renderer.counts import METRICS, Counts, count_pixels
 from renderer.host import Host
@@ -180,6 +180,7 @@ def _facts(prepared: Prepared, plan: Plan, records: Records) -> Measurement:
         "primitive_bytes": prepared.packed.primitives.nbytes,
         "rays": {"primary": 0 if records.rasterised else len(records.primary), "shadow": len(records.shadow)},
         "per_ray": _per_ray(prepared, records),
+        "answers_sha": answers_sha(records),
         "specialised": list(plan.left_out),
         "versions": {
             "rayfarm": version("rayfarm"),

@@ -9,6 +9,8 @@ from server.study_axes import StudyError
 BUDDHA_IN_THE_BOX = ("cornell-buddha", "cornell-buddha-67k", "cornell-statue")
 FOREST = ("fairy-forest", "forest")
 
+SPECIALISE = "specialise"
+
 STUDIES: dict[str, Study] = {
     "demo": Study(
         text="The paper's four traversals and the stack, against Embree, on each scene.",
@@ -36,6 +38,16 @@ STUDIES: dict[str, Study] = {
         # The paper's programs are general; specialised ones drop the normals in which its layouts differ.
         specialise=False,
         models=True,
+    ),
+    SPECIALISE: Study(
+        text="What making plans for their scenes gains: each traversal specialised, and in the general form. It ends "
+        "in a table of both: time, size, what was left out, and whether the hits are the same bits.",
+        scenes=("cornell-box",),
+        first_here=(("cornell-statue",), FOREST, ("crytek-sponza",)),
+        axes={"traversal": "paper,bvh-stack", "method": "fragment", "layout": "normal", "specialise": ("off", "on")},
+        size=(256, 256),
+        frames=16,
+        rounds=8,
     ),
     "aa": Study(
         text="One variant against itself: how often a comparison on a device raises a false alarm.",

@@ -55,7 +55,7 @@ def compare_sides(
 def print_differences(found: Differences, console: Console) -> None:
     """Print a line a pair, then what stands alone and what else must be known."""
     table = Table(title="Frame time, against by baseline: above 1 is slower", title_justify="left")
-    for name in ("pair", "ratio", "95 % interval", "verdict", "smallest visible"):
+    for name in ("pair", "ratio", "95 % interval", "verdict", "smallest visible", "size", "hits"):
         table.add_column(name)
     for pair in found.pairs:
         table.add_row(*_cells(pair))
@@ -76,7 +76,9 @@ def _cells(pair: Pair) -> list[Text]:
     found = pair.difference
     visible = "" if found.visible is None else write_percent(found.visible)
     interval = "" if found.low is None or found.high is None else f"{found.low:.3f}–{found.high:.3f}"
-    cells = [_name(pair), f"{found.ratio:.3f}", interval, found.verdict, visible]
+    size = "" if pair.beside.size is None else f"{pair.beside.size:.3f}"
+    hits = {True: "same bits", False: "other bits", None: ""}[pair.beside.same_answers]
+    cells = [_name(pair), f"{found.ratio:.3f}", interval, found.verdict, visible, size, hits]
     return [Text(cell, style=STYLES[found.verdict] if cell == found.verdict else "") for cell in cells]
 
 
@@ -85,7 +87,9 @@ def _name(pair: Pair) -> str:
     shown = ("scene", "device", "traversal", "method", "layout", "size")
     shared = ", ".join(pair.place[name] for name in shown if name in pair.place)
     changes = [f"{name} {first} → {second}" for name, (first, second) in pair.compared.items()]
-    return "\n".join([shared, *changes])
+    sides = zip(("baseline", "against"), pair.beside.left_out, strict=True)
+    left_out = [f"left out of {side}: {', '.join(names)}" for side, names in sides if names]
+    return "\n".join([shared, *changes, *left_out])
 
 
 def _notes(found: Differences) -> list[str]:

@@ -30,7 +30,7 @@ def register(app: typer.Typer) -> None:
 
 def study(
     name: Annotated[
-        str | None, typer.Argument(help="A named study: demo, paper, aa or hard-cases.", show_default=False)
+        str | None, typer.Argument(help="A named study: demo, paper, specialise, aa or hard-cases.", show_default=False)
     ] = None,
     size: Annotated[str | None, typer.Option(help="W or WxH, in pixels.")] = None,
     frames: Annotated[int | None, typer.Option(help="Timed frames over all rounds.")] = None,
@@ -78,7 +78,7 @@ def study(
     _refuse(traversal, "--traversal is for the study hard-cases: leave it out.")
     if server is None and follow is None:
         _refuse(device, "--device is for studies on a service: add --server.")
-        _refuse(name is None or None, "Name a study: demo, paper, aa or hard-cases.")
+        _refuse(name is None or None, "Name a study: demo, paper, specialise, aa or hard-cases.")
         from server.cli.study_here import study_here
 
         raise typer.Exit(study_here(str(name), changes, output, report, as_json, fresh=fresh))
@@ -98,7 +98,9 @@ def _refuse(value: object, sentence: str) -> None:
 
 def _submitted(client: Client, name: str | None, changes: Json, report: Path | None) -> Json:
     if name is None:
-        raise ClientError("Name a study: demo, paper, aa or hard-cases; or give --follow ID to go on watching one.")
+        raise ClientError(
+            "Name a study: demo, paper, specialise, aa or hard-cases; or give --follow ID to go on watching one."
+        )
     report_path(name, report)
     posted: Json = client.submit("studies", {"name": name, **changes})
     return posted

@@ -16,13 +16,15 @@ from renderer.child import ChildError
 from renderer.request import Request, parse_size
 from server.cli.alarms import SAME, show_alarms
 from server.cli.common import SOME_FAILED, ClientError, make_console
+from server.cli.gate import print_differences
 from server.cli.journal import Journal, Kept, open_journal
 from server.cli.paper_report import print_verdicts, report_here
 from server.cli.progress import Pace, slices_bar
 from server.cli.reports import report_path
 from server.cli.table import print_comparison
+from server.comparison.differences import find_differences
 from server.live.time_left import write_left
-from server.named_studies import require_study
+from server.named_studies import SPECIALISE, require_study
 from server.scene_list import is_here, require_scene
 from server.studies import Planned, plan_study, with_changes
 
@@ -121,6 +123,10 @@ def _show(name: str, documents: Sequence[Json], as_json: bool) -> None:
     if as_json:
         for document in documents:
             print(json.dumps(document))
+        return
+    if name == SPECIALISE:
+        sides = [[one for one in documents if (one["specialised"] is None) == off] for off in (True, False)]
+        print_differences(find_differences(sides[0], sides[1], ("specialise",)), make_console())
         return
     from server.api.compare import comparison_view
     from server.comparison.flat import Stored

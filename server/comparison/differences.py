@@ -28,6 +28,20 @@ Place = Mapping[str, str]
 
 
 @dataclass(frozen=True)
+class Beside:
+    """What two results differ in besides time.
+
+    `size` is the bytes of structure and primitives, against by baseline. `same_answers` tells whether every ray and
+    every hit has the same bits. None is not known. `left_out` lists what the plan of each left out for its scene, where
+    the two differ in that.
+    """
+
+    size: float | None
+    same_answers: bool | None
+    left_out: tuple[tuple[str, ...], tuple[str, ...]]
+
+
+@dataclass(frozen=True)
 class Pair:
     """One comparison. `compared` and `environment` give what differs as (baseline, against), each by its name.
 
@@ -44,6 +58,7 @@ class Pair:
     apart: bool | None
     repeated: int
     difference: Difference
+    beside: Beside
 
 
 @dataclass(frozen=True)
@@ -131,6 +146,9 @@ def _pair_view(pair: Pair, margin: float) -> Json:
         "visible": found.visible,
         "verdict": found.verdict,
         "stopped": found.is_slower_by(margin),
+        "size": pair.beside.size,
+        "same_answers": pair.beside.same_answers,
+        "left_out": [list(names) for names in pair.beside.left_out],
     }
 
 
@@ -157,6 +175,18 @@ def _pair(baseline: Sequence[Json], against: Sequence[Json], clock: str) -> Pair
         apart=_are_apart(first, second),
         repeated=len(baseline) + len(against) - 2,
         difference=difference(_rounds(first, used), _rounds(second, used), "fastest" if used == "cpu" else "median"),
+        beside=_beside(first, second),
+    )
+
+
+def _beside(first: Json, second: Json) -> Beside:
+    bytes_ = [(result.get("structure_bytes") or 0) + (result.get("primitive_bytes") or 0) for result in (first, second)]
+    ours, theirs = first.get("answers_sha"), second.get("answers_sha")
+    left_out = tuple(first.get("specialised") or ()), tuple(second.get("specialised") or ())
+    return Beside(
+        size=bytes_[1] / bytes_[0] if all(bytes_) else None,
+        same_answers=ours == theirs if ours and theirs else None,
+        left_out=left_out if left_out[0] != left_out[1] else ((), ()),
     )
 
 

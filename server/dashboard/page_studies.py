@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
+from urllib.parse import urlencode
 
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
@@ -15,6 +16,7 @@ from server.api.state import database_of
 from server.api.study_views import study_lines, study_view
 from server.api.views import find_study, job_line, job_lines
 from server.dashboard.templates import render
+from server.named_studies import SPECIALISE
 from server.store.models import Job, Study
 from server.store.states import OPEN
 
@@ -49,10 +51,17 @@ def study_page(study_id: str, request: Request) -> Response:
         "groups": _by_scene(study["jobs"]) if len(study["jobs"]) > MANY else None,
         "settings": [key for key in ("size", "sah") if len({job[key] for job in study["jobs"]}) > 1],
         "reported": study["name"] == REPORTED,
+        "halves": _halves(study["id"]) if study["name"] == SPECIALISE else "",
         "after": after,
         "open_states": OPEN,
     }
     return render(request, "study.html", context)
+
+
+def _halves(study_id: int) -> str:
+    """Where the specialised half of a study is held against the general one."""
+    sides = {"baseline": f"study:{study_id},specialise=off", "against": f"study:{study_id},specialise=on"}
+    return f"/difference?{urlencode(sides)}"
 
 
 def _by_scene(jobs: Sequence[Json]) -> list[tuple[str, list[Json], int]]:

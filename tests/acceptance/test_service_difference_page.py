@@ -19,6 +19,7 @@ from server.store.records import Order, add_jobs, add_result, add_study
 
 HOSTILE = '<b onmouseover="alert(1)">phone</b> & co'
 ROUNDS = 10
+ANSWERS = {"bvh-stack": "aa", "kd-backtrack": "aa", "bvh-parent-link": "bb"}
 TIMES = {"bvh-stack": 10.0, "kd-backtrack": 12.0, "bvh-parent-link": 10.0}
 
 
@@ -29,6 +30,9 @@ def add(
     request = Request(scene, Variant(traversal=traversal), frames=20, rounds=ROUNDS)
     frames = [TIMES[traversal] * factor * (1 + 0.01 * draw.random()) for _ in range(2 * ROUNDS)]
     found = document(request, 1.0, device) | {"frames_ms": frames, "frames_by_round": [2] * ROUNDS}
+    found["answers_sha"] = ANSWERS[traversal] * 32
+    if traversal == "kd-backtrack":
+        found |= {"specialised": ["normals", HOSTILE], "structure_bytes": 2 * found["structure_bytes"]}
     with service.database.writing() as session:
         part = add_jobs(session, [Order(request, device)], study_id=study)[0]
         part.job.state = "done"
@@ -80,6 +84,14 @@ def test_pairs_are_those_of_the_api_with_the_slowest_first(browser: Chrome, serv
     assert len(browser.find_elements(By.CSS_SELECTOR, ".reach circle.slower")) == 2
     link = str(browser.find_element(By.CSS_SELECTOR, ".links a").get_attribute("href"))
     assert service.client.get(link).json() == answer
+
+
+def test_size_hits_and_what_was_left_out_stand_beside(browser: Chrome, service: Service) -> None:
+    text = go(browser, service, baseline="study:1,traversal=bvh-stack", against="study:1,traversal=kd-backtrack")
+    assert [line[5:7] for line in rows(browser)] == [["1.941", "same bits"]] * 2
+    assert text.count(f"left out of against: normals, {HOSTILE}") == 2
+    go(browser, service, baseline="study:1,traversal=bvh-stack", against="study:1,traversal=bvh-parent-link")
+    assert [line[5:7] for line in rows(browser)] == [["1.000", "other bits"]] * 2
 
 
 def test_device_against_device_names_both_environments_once(browser: Chrome, service: Service) -> None:

@@ -13,7 +13,7 @@ import pytest
 import trimesh
 
 from renderer import referee
-from renderer.accuracy import identical, judge
+from renderer.accuracy import answers_sha, identical, judge
 from renderer.build.bvh import build_bvh
 from renderer.build.tree import Bvh, SahCosts
 from renderer.oracle import Oracle
@@ -354,6 +354,23 @@ class TestIdentical:
         difference = identical(truth, with_primitive(pixels, truth.hits.primitive[pixels], nudged))
         assert (difference.t, difference.hit, difference.primitive, difference.rays) == (3, 0, 0, 0)
         assert difference.first == {"t": tuple(pixels.tolist())}
+
+    def test_a_digest_tells_them_apart_as_well(self) -> None:
+        ours = ball()[3]
+        t = ours.hits.t.copy()
+        at = int(np.flatnonzero(np.isfinite(t))[0])
+        t[at] = np.nextafter(t[at], np.float32(0))
+        moved = ours.primary.direction.copy()
+        moved[0, 0] = np.nextafter(moved[0, 0], np.float32(9))
+        others = [
+            replace(ours, hits=Hits(t, ours.hits.primitive)),
+            replace(ours, occluded=~ours.occluded),
+            replace(ours, primary=replace(ours.primary, direction=moved)),
+        ]
+        assert len({answers_sha(one) for one in (ours, *others)}) == 4
+        assert answers_sha(replace(ours, hits=Hits(ours.hits.t.copy(), ours.hits.primitive.copy()))) == answers_sha(
+            ours
+        )
 
     def test_hits_primitives_and_rays(self) -> None:
         truth = ball()[3]
