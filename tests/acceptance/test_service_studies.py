@@ -168,7 +168,7 @@ WRONG: dict[str, tuple[tuple[str, ...], str]] = {
     "no name there": (("study", "--server", "http://127.0.0.1:1"), "--follow ID"),
     "name and number": (("study", "demo", "--follow", "1"), "without a name"),
     "size and number": (("study", "--follow", "1", "--size", "8"), "without a name and a size"),
-    "a report of demo": (("study", "demo", "--report", "x.html"), "Only the study paper has a report"),
+    "a report of demo": (("study", "demo", "--report", "x.html"), "Only the studies paper and hard-cases have"),
     "a folder for a report": (("study", "paper", "--report", "."), "give --report a file"),
     "no folder for a report": (("study", "paper", "--report", "no/x.html"), "in a folder that exists"),
     "no folder for results": (("study", "demo", "--output", "no/x.json"), "there is no folder no"),

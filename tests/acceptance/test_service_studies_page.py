@@ -95,7 +95,7 @@ def test_a_named_study_is_chosen_with_what_it_measures(page: Chrome, service: Se
     service.work()
     page.get(f"{address(service)}/submit")
     named = {each.get_attribute("value"): label_of(each) for each in page.find_elements(By.NAME, "study")}
-    assert list(named) == ["", "demo", "paper", "aa"]
+    assert list(named) == ["", "demo", "paper", "specialise", "aa"]
     assert "the last one took less than a minute" in named["demo"].text
     assert "judges the paper's claims" in named["paper"].text
     assert "80 jobs, 800 slices" in named["aa"].text
