@@ -125,7 +125,7 @@ def _texts(tree: Tree | None, packed: Packed, request: Request, question: Questi
         reads=False,
     )
     fitted = f"#define ANY_HIT {str(question.any_hit).lower()}\n"
-    return trace_texts(form, ("STAGE_PRIMARY",), "render_rays.glsl", (_GENERAL if general else fitted,))
+    return trace_texts(form, ("STAGE_PRIMARY",), "rays", (_GENERAL if general else fitted,))
 
 
 def _pass(camera: Plan, instrument: bool) -> Pass:

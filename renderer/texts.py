@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Literal
 
 from renderer.glsl import flatten
 from renderer.pack.grid import Grid
@@ -17,6 +18,16 @@ SHORT_STACK = 8
 """Entries of a short stack, a power of two."""
 
 Stages = dict[str, str]
+Casts = Literal["pixel", "rays"]
+"""Whether a pixel casts a camera's ray and shadow rays, or one ray of a buffer."""
+
+_RENDER = {
+    ("pixel", False): ("render_pixel.glsl", "render_compute.comp"),
+    ("pixel", True): ("render_packet.glsl", "render_compute_packet.comp"),
+    ("rays", False): ("render_rays.glsl", "render_compute.comp"),
+    ("rays", True): ("render_packet_rays.glsl", "render_compute_packet.comp"),
+}
+"""The parts for what a pixel casts, alone or in packets."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +50,10 @@ class Form:
     reads: bool
 
 
-def trace_texts(form: Form, on: Iterable[str], pixel: str = "render_pixel.glsl", first: Iterable[str] = ()) -> Stages:
-    """The texts of a trace pass with some of STAGES switched on; `pixel` says what a pixel casts, after `first`."""
+def trace_texts(form: Form, on: Iterable[str], casts: Casts = "pixel", first: Iterable[str] = ()) -> Stages:
+    """The texts of a trace pass with some of STAGES switched on; `casts` says what a pixel casts, after `first`."""
     variant = form.variant
+    pixel, compute = _RENDER[casts, TRAVERSALS[variant.traversal].packet]
     defines = {**_defines(form), **dict.fromkeys(STAGES, 0), **dict.fromkeys(on, 1)}
     parts = [
         *first,
@@ -58,7 +70,7 @@ def trace_texts(form: Form, on: Iterable[str], pixel: str = "render_pixel.glsl",
         pixel,
     ]
     if variant.method == "compute":
-        return {"compute": flatten(defines, [*parts, "render_compute.comp"])}
+        return {"compute": flatten(defines, [*parts, compute])}
     return {
         "vertex": flatten({}, ["render_screen.vert"]),
         "fragment": flatten(defines, [*parts, "render_fragment.frag"]),

@@ -21,6 +21,8 @@ class Traversal:
     `state` is what it keeps for each level of the tree: STACK_SIZE or TRAIL_WORDS is then sized from the depth. A short
     stack has SHORT_STACK entries, and with a trail TRAIL_WORDS beside it.
 
+    `packet` says that an invocation traces the rays of several pixels.
+
     The GLSL file is `shaders/traversal_NAME.glsl` with `_` for `-`.
     """
 
@@ -29,6 +31,7 @@ class Traversal:
     source: str
     paper: bool = False
     state: Literal["none", "stack", "trail", "short stack", "short trail"] = "none"
+    packet: bool = False
 
 
 TRAVERSALS: dict[str, Traversal] = {
@@ -39,6 +42,8 @@ TRAVERSALS: dict[str, Traversal] = {
     "bvh-short-stack": Traversal("bvh", "box", "Laine 2010; Vaidyanathan et al. 2019", state="short trail"),
     "bvh-skip-link": Traversal("bvh", "skip", "one order for all rays, no state (Smits 1998)"),
     "bvh-skip-octants": Traversal("bvh", "skip-octants", "an order for each octant of directions, no state"),
+    "bvh-packet-2x2": Traversal("bvh", "box", "bvh-stack, 2x2 pixels share fetches", state="stack", packet=True),
+    "bvh-packet-4x2": Traversal("bvh", "box", "bvh-stack, 4x2 pixels share fetches", state="stack", packet=True),
     "kd-push-down": Traversal("kd", "plane", "Horn et al. 2007", paper=True),
     "kd-short-stack": Traversal("kd", "plane", "Horn et al. 2007", state="short stack"),
     "kd-backtrack": Traversal("kd", "plane-box", "Foley and Sugerman 2005", paper=True),
@@ -139,6 +144,8 @@ def refusal(variant: Variant, rays: str = "both") -> str | None:
         return "a KD walk tells cells apart by the last bits of t: leave the precision at highp."
     if structure == "none" and variant.nodes != "f32":
         return "brute-force walks no nodes: leave them at f32."
+    if TRAVERSALS[variant.traversal].packet and variant.method != "compute":
+        return "a fragment shades one pixel and a packet traces several: take the method compute."
     if variant.intersector == "baked" and variant.layout == "split":
         return (
             "baked keeps its own words in the buffer that split needs for normals: take the layout normal or compact."

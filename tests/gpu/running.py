@@ -29,8 +29,11 @@ from scenes.scene import Scene
 
 Image = npt.NDArray[np.uint8]
 
-WALKS = tuple(name for name, row in TRAVERSALS.items() if row.structure != "none")
-"""The traversals that walk a structure; each is compared with brute force."""
+WALKS = tuple(name for name, row in TRAVERSALS.items() if row.structure != "none" and not row.packet)
+"""The traversals that walk a structure ray by ray; each is compared with brute force."""
+
+PACKETS = tuple(name for name, row in TRAVERSALS.items() if row.packet)
+"""Those that trace several pixels an invocation, which `compute` alone does."""
 
 
 @cache

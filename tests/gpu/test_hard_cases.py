@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from running import WALKS, context
+from running import PACKETS, WALKS, context
 
 from renderer.hard_cases.asking import Asker
 from renderer.hard_cases.measure import measure_cell
@@ -54,7 +54,7 @@ def sampled(variant: Variant, number: int) -> tuple[str, ...]:
     return tuple(np.random.default_rng([SEED, *variant.label.encode()]).choice(NAMES, number, replace=False))
 
 
-@pytest.mark.parametrize("traversal", WALKS)
+@pytest.mark.parametrize("traversal", [*WALKS, *PACKETS])
 @pytest.mark.parametrize("intersector", ["moller-trumbore", "watertight"])
 def test_every_walk_keeps_its_promises_on_every_family(intersector: str, traversal: str) -> None:
     variant = Variant(traversal, "compute", intersector=intersector)
@@ -71,7 +71,7 @@ def test_every_variant_keeps_its_promises_on_some_families(variant: Variant) -> 
     assert broken(rows_of(variant, sampled(variant, 6), fitted=1)) == []
 
 
-@pytest.mark.parametrize("traversal", ["brute-force", *WALKS])
+@pytest.mark.parametrize("traversal", ["brute-force", *WALKS, *PACKETS])
 @pytest.mark.parametrize(
     "name", ["embree-sphere-50", "pbrt-vertices", "pbrt-edges", "shared-diagonal", "whole-terrain"]
 )

@@ -1,0 +1,78 @@
+#include "common_begin.glsl"
+
+// A packet: the pixels of a block share an invocation and every fetch. Each ray keeps its own state here and is put into
+// the globals of `common_ray.glsl` and `common_slab.glsl` for its tests, which are those of single rays, bit for bit. The
+// loops over rays have a constant length, and every index is theirs, so that compilers unroll them.
+const int PACKET = PACKET_WIDTH * PACKET_HEIGHT;
+const float NEVER = -1.0e38;  // the reach of a ray that is done: before every box and every hit
+
+vec3 packet_origin[PACKET];
+vec3 packet_direction[PACKET];
+float packet_t[PACKET];
+uint packet_slot[PACKET];
+uint packet_id[PACKET];
+vec3 packet_slab_origin[PACKET];
+vec3 packet_inverse[PACKET];
+vec3 packet_stay[PACKET];
+uint packet_octant[PACKET];
+#if SLAB_GROWN
+vec3 packet_above[PACKET];
+vec3 packet_below[PACKET];
+#endif
+#if INSTRUMENT
+uvec4 packet_counted[PACKET];
+uint packet_words[PACKET];
+#endif
+
+ivec2 packet_pixel(ivec2 corner, int k) {
+    return corner + ivec2(k % PACKET_WIDTH, k / PACKET_WIDTH);
+}
+
+// Keep the ray in the globals as ray k; one that is not `real` is done from the start.
+void packet_keep(int k, bool real) {
+    packet_origin[k] = ray_origin;
+    packet_direction[k] = ray_direction;
+    packet_t[k] = real ? hit_t : NEVER;
+    packet_slot[k] = hit_slot;
+    packet_id[k] = hit_id;
+    packet_slab_origin[k] = slab_origin;
+    packet_inverse[k] = slab_inverse;
+    packet_stay[k] = slab_stay;
+    packet_octant[k] = slab_octant;
+#if SLAB_GROWN
+    packet_above[k] = slab_above;
+    packet_below[k] = slab_below;
+#endif
+#if INSTRUMENT
+    packet_counted[k] = uvec4(0u);
+    packet_words[k] = 0u;
+#endif
+}
+
+// Ray k into the globals, as far as a box test reads them.
+void packet_aim(int k) {
+    ray_origin = packet_origin[k];
+    ray_direction = packet_direction[k];
+    hit_t = packet_t[k];
+    slab_origin = packet_slab_origin[k];
+    slab_inverse = packet_inverse[k];
+    slab_stay = packet_stay[k];
+    slab_octant = packet_octant[k];
+#if SLAB_GROWN
+    slab_above = packet_above[k];
+    slab_below = packet_below[k];
+#endif
+    box_prepare();
+}
+
+// Ray k whole: with its hit, and what the intersector prepares.
+void packet_take(int k) {
+    packet_aim(k);
+    hit_slot = packet_slot[k];
+    hit_id = packet_id[k];
+#if INSTRUMENT
+    counted = packet_counted[k];
+    counted_words = packet_words[k];
+#endif
+    intersector_prepare();
+}

@@ -1,0 +1,103 @@
+#include "common_packet.glsl"
+
+// The stack traversal (`traversal_bvh_stack.glsl`) of a packet: a node is entered if any ray enters its box, the first
+// ray's near child goes first, and a leaf's triangles are tested by every ray. Rays see every box that a single ray would,
+// so they find the same hits. A fetch counts for one ray of the packet, in turn: a ray's share is what it costs.
+const uint STACK_END = 0xfffffffcu;  // the link of a leaf that no tree has
+
+#if INSTRUMENT
+uint packet_turn;
+
+void packet_fetched(uint nodes, uint words) {
+    for (int k = 0; k < PACKET; k++) {
+        bool own = packet_turn % uint(PACKET) == uint(k);
+        packet_counted[k].x += own ? nodes : 0u;
+        packet_words[k] += own ? words : 0u;
+    }
+    packet_turn += 1u;
+}
+
+void packet_visited(int k, uint link) {
+    packet_counted[k].y += uint(node_axis(link) != LEAF);
+    packet_counted[k].z += uint(node_axis(link) == LEAF && node_count(link) > 0u);
+}
+#define PACKET_FETCHED(nodes, words) packet_fetched(nodes, uint(words))
+#define PACKET_VISITED(k, hit, link) if (hit) { packet_visited(k, link); }
+#else
+#define PACKET_FETCHED(nodes, words)
+#define PACKET_VISITED(k, hit, link)
+#endif
+
+bool packet_enters(uint node, out uint link) {
+    PACKET_FETCHED(1u, NODE_WORDS);
+    vec3 lower, upper;
+    fetch_node(node, lower, upper, link);
+    bool entered = false;
+    for (int k = 0; k < PACKET; k++) {
+        packet_aim(k);
+        float entry;
+        bool hit = box_hit(lower, upper, entry);
+        PACKET_VISITED(k, hit, link)
+        entered = entered || hit;
+    }
+    return entered;
+}
+
+void packet_intersect(uint slot, const bool any_hit) {
+    PACKET_FETCHED(0u, TEST_WORDS);
+    for (int k = 0; k < PACKET; k++) {
+        packet_aim(k);
+        hit_slot = packet_slot[k];
+        hit_id = packet_id[k];
+        intersector_prepare();
+        intersect(slot);
+        packet_t[k] = any_hit && hit_id != NO_PRIMITIVE ? NEVER : hit_t;
+        packet_slot[k] = hit_slot;
+        packet_id[k] = hit_id;
+#if INSTRUMENT
+        packet_counted[k].w += 1u;
+#endif
+    }
+}
+
+// Whether no ray is left that looks for anything.
+bool packet_done() {
+    float farthest = packet_t[0];
+    for (int k = 1; k < PACKET; k++) {
+        farthest = max(farthest, packet_t[k]);
+    }
+    return farthest < 0.0;
+}
+
+void trace(const bool any_hit) {
+#if INSTRUMENT
+    packet_turn = 0u;
+#endif
+    uint root;
+    bool entered = packet_enters(0u, root);
+    uint stack[STACK_SIZE + 2];
+    stack[0] = STACK_END;
+    int top = 0;
+    uint link = entered ? root : STACK_END;
+    while (link != STACK_END) {
+        while (node_axis(link) != LEAF) {
+            uint child = node_child(link) + ((packet_octant[0] >> node_axis(link)) & 1u);
+            uint near, far;
+            bool near_hit = packet_enters(child, near);
+            bool far_hit = packet_enters(child ^ 1u, far);
+            uint popped = stack[top];
+            stack[top + 1] = far;
+            link = near_hit ? near : far_hit ? far : popped;
+            top += int(near_hit) + int(far_hit) - 1;
+        }
+        uint slot = node_first(link);
+        uint last = slot + (link == STACK_END ? 0u : node_count(link));
+        while (slot < last) {
+            packet_intersect(slot, any_hit);
+            slot += 1u;
+        }
+        bool over = link == STACK_END || (any_hit && packet_done());
+        link = over ? STACK_END : stack[max(top, 0)];
+        top -= 1;
+    }
+}
