@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any
 
@@ -16,13 +17,12 @@ from renderer.phone_compile.counted import Frame, count_frame, tracing_program
 from renderer.phone_compile.errors import CompileError
 from renderer.phone_compile.estimate import Estimate, estimate_all
 from renderer.phone_compile.gpus import Gpu, require_gpus
+from renderer.phone_compile.task import MODULE, task_of
 from renderer.phone_compile.toolchain import tool_chain
-from renderer.plan import Plan, PlanError
+from renderer.plan import VERSION, Plan, PlanError
 from renderer.prepare import Prepared, prepare
 from renderer.request import Request
 from renderer.twin_host import TwinHost
-
-MODULE = "renderer.phone_compile.job"
 
 
 def compile_request(
@@ -33,21 +33,18 @@ def compile_request(
     Raise CompileError where there is no tool chain, ChildError with the reason when the child fails.
     """
     tool_chain()
-    return run_child(MODULE, task_of(request.to_json(), gpus, disassembly), request.threads, timeout_s, say)
-
-
-def task_of(request: Json, gpus: Sequence[Gpu], disassembly: bool) -> Json:
-    """The child's task."""
-    return {"request": request, "gpus": [gpu.name for gpu in gpus], "disassembly": disassembly}
+    task = task_of(request.to_json(), [gpu.name for gpu in gpus], disassembly=disassembly)
+    return run_child(MODULE, task, request.threads, timeout_s, say)
 
 
 def compile_prepared(prepared: Prepared, gpus: Sequence[Gpu], host: Host, *, disassembly: bool = False) -> Json:
     """The same here; the locks of the machine and of the host must be held."""
+    started_at = datetime.now(UTC).isoformat(timespec="seconds")
     plan = prepared.plan(instrument=False)
     chain = tool_chain()
     frame, reason = _frame(prepared, plan, host)
     estimates = estimate_all(chain, gpus, plan, frame, disassembly=disassembly)
-    return document(prepared, plan, estimates, reason, disassembly=disassembly)
+    return _document(prepared, plan, estimates, reason, started_at, disassembly=disassembly)
 
 
 def _frame(prepared: Prepared, plan: Plan, host: Host) -> tuple[Frame | None, str | None]:
@@ -58,11 +55,18 @@ def _frame(prepared: Prepared, plan: Plan, host: Host) -> tuple[Frame | None, st
         return None, str(error)
 
 
-def document(
-    prepared: Prepared, plan: Plan, estimates: Sequence[Estimate], reason: str | None, *, disassembly: bool
+def _document(
+    prepared: Prepared,
+    plan: Plan,
+    estimates: Sequence[Estimate],
+    reason: str | None,
+    started_at: str,
+    *,
+    disassembly: bool,
 ) -> Json:
     """What all rows share, and a row for each GPU; with `disassembly` the GLSL that it stands beside."""
     request = prepared.request
+    tree, packed = prepared.tree, prepared.packed
     rows = [estimate.as_dict() for estimate in estimates]
     for row in rows:
         row["reason"] = row["reason"] or reason
@@ -72,8 +76,18 @@ def document(
         **request.variant.as_dict(),
         "size": list(request.size),
         "rays_kind": request.rays,
+        "sah": {
+            "traversal": request.costs.traversal,
+            "intersection": request.costs.intersection,
+            "cost": None if tree is None else tree.cost,
+        },
+        "depth": None if tree is None else tree.depth,
+        "structure_bytes": packed.structure_bytes,
+        "primitive_bytes": packed.primitives.nbytes,
+        "build_ms": prepared.build_ms,
         "specialised": list(plan.left_out) if request.specialise else None,
-        "versions": {"rayfarm": version("rayfarm"), "shader_sha": plan.shader_sha},
+        "versions": {"rayfarm": version("rayfarm"), "shader_sha": plan.shader_sha, "plan": VERSION},
+        "started_at": started_at,
         "gpus": rows,
     }
     if disassembly:
