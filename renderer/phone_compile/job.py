@@ -104,7 +104,7 @@ def _work(task: Json, say: Say) -> Json:
     with holding(machine_lock(), lambda: say("waiting")):
         say("preparing")
         prepared = prepare(request)
-        say("measuring")
+        say("running")
         return compile_prepared(prepared, gpus, host, disassembly=bool(task.get("disassembly")))
 
 

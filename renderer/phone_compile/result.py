@@ -9,6 +9,9 @@ from renderer.request import Request
 
 Json = dict[str, Any]
 
+COMPILERS = "mesa-compilers"
+"""The device of results that were only compiled."""
+
 KEPT = (
     "alu_per_fragment", "memory_per_fragment", "instructions", "registers", "waves", "spills", "text",
 )  # fmt: skip
@@ -30,7 +33,7 @@ def result_of(request: Request, measurement: Json) -> Json:
         "family": None,
         **shared,
         "device": {
-            "id": "mesa-compilers",
+            "id": COMPILERS,
             "kind": "compiler",
             "name": "Mesa's phone compilers, no GPU",
             "driver": f"Mesa {mesa}",

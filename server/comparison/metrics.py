@@ -38,9 +38,13 @@ class Metric:
 ERROR_PARTS = ("error_false_hit", "error_false_miss", "error_wrong_primitive")
 
 
+COMPILED = "model_compiled_"
+"""What the estimates' keys begin with."""
+
+
 def _compiled(name: str) -> tuple[Metric, Metric]:
     """A GPU's estimates."""
-    column, label = f"model_compiled_{name.replace('-', '_')}", GPUS[name].label
+    column, label = f"{COMPILED}{name.replace('-', '_')}", GPUS[name].label
     return (
         Metric(
             f"{column}_alu_per_fragment",

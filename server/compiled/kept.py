@@ -16,7 +16,7 @@ LISTED = ("disassembly", "weights")
 
 
 def keep_listing(measurement: Json, blobs: Blobs) -> Json:
-    """Move the listings of a measurement into a blob that `listing` names; None with the reason logged where that fails.
+    """Move the listings of a measurement into a blob that `listing` names; None, with the reason logged, if that fails.
 
     The estimates are worth more than the listings: they are never lost with them.
     """
