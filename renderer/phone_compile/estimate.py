@@ -93,16 +93,16 @@ def estimate(chain: ToolChain, gpu: Gpu, plan: Plan, frame: Frame | None, *, dis
         if disassembly:
             known["disassembly"] = listing.text
         if frame is None:
-            return Estimate(**known, text=_text(gpu, chain, None, None))
+            return Estimate(**known, text=_text(gpu, chain, weighed=False))
         read = [_marked(gpu, answer, 1 + len(others) + i, stage) for i in range(len(groups))]
         weights = weigh(listing, list(zip(groups, read, strict=True)), frame.sites, frame.runs)
         known |= _weighed(gpu, listing, weights, frame)
         if disassembly:
             spans = zip(listing.blocks, weights.blocks.tolist(), strict=True)
             known["weights"] = tuple((*block.lines, executions) for block, executions in spans)
-        return Estimate(**known, text=_text(gpu, chain, frame, weights))
+        return Estimate(**known, text=_text(gpu, chain, weighed=True))
     except CompileError as error:
-        return Estimate(**known, reason=str(error), text=_text(gpu, chain, None, None))
+        return Estimate(**known, reason=str(error), text=_text(gpu, chain, weighed=False))
 
 
 def _groups(text: str, frame: Frame | None) -> list[list[Where]]:
@@ -194,14 +194,13 @@ def _weighed(gpu: Gpu, listing: Listing, weights: Weights, frame: Frame) -> dict
     return known
 
 
-def _text(gpu: Gpu, chain: ToolChain, frame: Frame | None, weights: Weights | None) -> str:
+def _text(gpu: Gpu, chain: ToolChain, *, weighed: bool) -> str:
+    """What the figures are; the same for every result of a GPU, so that a comparison says it once."""
     start = f"{gpu.label}, not a measurement: Mesa {chain.version}'s compiler for {gpu.name}, which is not the vendor's"
-    if frame is None or weights is None:
+    if not weighed:
         return f"{start}; instructions as they stand in the tracing program."
     half = ", those on half registers by half" if gpu.family == "ir3" else ""
     return (
-        f"{start}; instructions of the tracing program, each basic block times how often it runs by llvmpipe's counts "
-        f"of {frame.rays} rays over {frame.pixels} pixels (flow equations met within {weights.residual:.1g}, "
-        f"{weights.freedom} ways left open). ALU counts moves{half} and no special functions; every ray alone, without "
-        "the lanes that wait for others."
+        f"{start}; instructions of the tracing program, each basic block times how often it runs by llvmpipe's counts. "
+        f"ALU counts moves{half} and no special functions; every ray alone, without the lanes that wait for others."
     )
