@@ -77,6 +77,11 @@ def _answer(gpu: Gpu, lines: list[dict[str, Any]], wanted: int, ended: str | Non
     if not lines or "limits" not in lines[0]:
         raise CompileError(ended or f"Mesa's driver for {gpu.name} gave no answer.")
     first, *rest = lines
+    if gpu.model not in first["renderer"].lower():
+        raise CompileError(
+            f"Mesa's driver for {gpu.name} came up as {first['renderer']}: build the compilers again "
+            "(`make phone-compiler`, after removing their folder)."
+        )
     programs = tuple(
         Compiled(line["complaint"], tuple(line["messages"]), line["listing"]) for line in rest if "listing" in line
     )

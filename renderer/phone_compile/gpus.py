@@ -23,6 +23,11 @@ class Gpu:
     vendor_limits: Mapping[str, int] = field(default_factory=dict)
 
     @property
+    def model(self) -> str:
+        """The model, as it stands in the name that Mesa's driver gives itself (`FD540`, `Mali-G72 (Panfrost)`)."""
+        return self.name.split("-")[1]
+
+    @property
     def compiler(self) -> str:
         """Mesa's name of the compiler."""
         return "ir3" if self.family == "ir3" else "panfrost"

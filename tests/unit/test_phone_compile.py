@@ -68,6 +68,7 @@ def test_a_driver_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.Monkey
         ("sys.exit(3)", r"crashed on this text \(code 3\)\.$"),
         ("""say('{"error": "EGL gives no surfaceless display (error 0x3001)"}')""", "gives nothing: EGL gives no"),
         ("say('what a library prints')", "gave no answer"),
+        (f"say('{FACTS}'.replace('FD540', 'llvmpipe'))", "came up as llvmpipe: build the compilers again"),
     ],
 )
 def test_a_driver_that_cannot_be_asked(
