@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from renderer.phone_compile.errors import CompileError
 
@@ -46,7 +46,6 @@ class Listing:
     spills: int
     loops: int
     half_registers: int = 0
-    notes: tuple[str, ...] = field(default=())
 
     @property
     def instructions(self) -> int:
