@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from renderer.phone_compile.errors import CompileError
 from renderer.phone_compile.gpus import Family
@@ -43,7 +43,6 @@ _SPECIAL = frozenset(
     ]
 )
 _FLOW = frozenset(["BRANCHZ", "BRANCHZI", "BRANCH", "JUMP", "BRANCHC", "BRANCH_DIVERG", "BARRIER", "DISCARD"])
-_MOVES = frozenset(["MOV", "IADD_IMM_MOV"])
 _OTHER = frozenset(["ATEST", "BLEND", "ZS_EMIT", "LD_TILE", "ST_TILE"])
 _TEXTURE = ("TEX", "VAR_TEX", "LD_VAR")
 _MEMORY = ("LOAD", "STORE", "LD_", "ST_", "LEA_", "ATOM")
@@ -90,6 +89,11 @@ _SFU = _SPECIAL | frozenset(
 _WIDE = frozenset((".s64", ".u64", ".i64"))
 
 
+Span = tuple[int, int, tuple[int, ...]]
+"""A block's first line, the one after its last, and the blocks that follow it."""
+_Parse = Callable[[Sequence[str], "Counter[str]", "Counter[str]"], None]
+
+
 def read_mali(family: Family, printed: str) -> list[Listing]:
     """The listings of one program's fragment or compute shader; raise CompileError for any that is misread."""
     listings = []
@@ -128,7 +132,7 @@ def _read(family: Family, stage: str, printed: list[str], told: str) -> Listing:
     )
 
 
-def _last_print(printed: list[str]) -> tuple[list[str], list[tuple[int, int, tuple[int, ...]]]]:
+def _last_print(printed: list[str]) -> tuple[list[str], list[Span]]:
     """The lines of the last print before the binary's, and of each block where it begins and ends, and its successors.
 
     The driver prints a shader after each of several steps; the last is what it packs.
@@ -137,7 +141,7 @@ def _last_print(printed: list[str]) -> tuple[list[str], list[tuple[int, int, tup
     if not starts:
         raise CompileError("Mesa's driver printed no blocks of a shader: this version is not understood.")
     lines = printed[starts[-1] :]
-    spans: list[tuple[int, int, tuple[int, ...]]] = []
+    spans: list[Span] = []
     begun: int | None = None
     for i, line in enumerate(lines):
         if _BEGIN.match(line):
@@ -149,10 +153,9 @@ def _last_print(printed: list[str]) -> tuple[list[str], list[tuple[int, int, tup
     return lines[: spans[-1][1] + 1], spans
 
 
-def _blocks(text: list[str], spans: Sequence[tuple[int, int, tuple[int, ...]]], parse: object) -> Iterator[Block]:
+def _blocks(text: list[str], spans: Sequence[Span], parse: _Parse) -> Iterator[Block]:
     for first, last, following in spans:
         kinds, units = Counter[str](), Counter[str]()
-        assert callable(parse)
         parse(text[first:last], kinds, units)
         yield Block(following, dict(kinds), dict(units), (first, last))
 
@@ -241,4 +244,4 @@ def _kind(name: str, text: str) -> str:
         return "texture"
     if _is_memory(name):
         return "private" if ".tl" in text else "shared" if ".wls" in text else "memory"
-    return "special" if name in _SPECIAL else "move" if name in _MOVES else "alu"
+    return "special" if name in _SPECIAL else "move" if name == "MOV" else "alu"
