@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check -q install -c constraints.txt
 ARGS ?=
 
-.PHONY: all run agent phone test test-chaos check benchmark clean
+.PHONY: all run agent phone phone-compiler test test-chaos check benchmark clean
 
 all: $(VENV)/.ready
 
@@ -21,6 +21,10 @@ agent: $(VENV)/.ready
 phone: $(VENV)/.ready-to-test
 	$(BIN)/python -m agent_android.build desktop
 	$(BIN)/python -m agent_android.standin $(ARGS)
+
+# Mesa's compilers for phone GPUs, for `rayfarm compile`: about 16 CPU minutes, from Debian's source package.
+phone-compiler:
+	PYTHON=$(PYTHON) tools/phone_compiler.sh
 
 test: $(VENV)/.ready-to-test
 	$(MAKE) check

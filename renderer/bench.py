@@ -8,6 +8,7 @@ from typing import Any
 
 from renderer.child import ChildError, run_child
 from renderer.interval import median, median_interval
+from renderer.phone_compile.result import result_of
 from renderer.request import Request
 
 Result = dict[str, Any]
@@ -54,6 +55,8 @@ def run_jobs(
 
 def combine(request: Request, measurements: list[dict[str, Any]]) -> Result:
     """The result of a job, in the form that DESIGN.md gives, from the measurements of all its rounds."""
+    if request.gpus:
+        return result_of(request, measurements[0])
     first = min(measurements, key=lambda measurement: int(measurement["round"]))
     wall = [time for measurement in measurements for time in measurement["frames"]["wall"]]
     cpu = [time for measurement in measurements for time in measurement["frames"]["cpu"]]

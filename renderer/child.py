@@ -17,6 +17,7 @@ from typing import Any
 from renderer.build.errors import BuildError
 from renderer.host import DeviceGoneError
 from renderer.pack.nodes import PackError
+from renderer.phone_compile.errors import CompileError
 from renderer.plan import PlanError
 from renderer.process import end_with_parent
 from renderer.request import RequestError
@@ -27,7 +28,7 @@ Say = Callable[[str], None]
 """Told each phase of the work."""
 AsyncSay = Callable[[str], Awaitable[None]]
 
-SPOKEN = (SceneError, BuildError, PackError, PlanError, RequestError)
+SPOKEN = (SceneError, BuildError, PackError, PlanError, RequestError, CompileError)
 """Errors whose message is a sentence for the user."""
 
 LEASE_S = 60.0

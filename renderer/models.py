@@ -1,4 +1,5 @@
-"""The models that stand beside a measurement where the device has no counters: memory lines and ALU operations."""
+"""The models that stand beside a measurement where the device has no counters: memory lines, ALU operations, and
+estimates by compilers for phone GPUs."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ from typing import Any
 from renderer.alu.model import alu_model
 from renderer.host import Host
 from renderer.memory.lines import model_lines
+from renderer.phone_compile.model import compiled_model
 from renderer.plan import Plan
 from renderer.prepare import Prepared
 from renderer.records import Records
@@ -25,4 +27,5 @@ def run_models(prepared: Prepared, timed: Plan, records: Records, host: Host) ->
         "alu_per_fragment": alu.per_fragment,
         "alu_per_ray": alu.per_ray,
         "alu_text": alu.text,
+        "compiled": compiled_model(prepared, timed, records, host),
     }

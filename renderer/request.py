@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args
 
 from renderer.build.tree import SahCosts
+from renderer.phone_compile.gpus import GPUS
 from renderer.variant import Variant, VariantError, refusal, require_value
 from scenes.scene import Camera
 
@@ -29,7 +30,8 @@ class Request:
 
     `size` is (width, height) in pixels; `frames` are timed frames over all `rounds`; each round is a slice that runs
     in a fresh process. `rays` says what is timed. `camera` replaces the scene's own. `threads` is the number of
-    rasteriser threads on llvmpipe. `models` adds the memory model and the ALU model.
+    rasteriser threads on llvmpipe. `models` adds the memory model and the ALU model. With `gpus` nothing is timed: the
+    variant is compiled for these (`renderer.phone_compile`), in one frame of one round.
     """
 
     scene: str
@@ -45,6 +47,7 @@ class Request:
     camera: Camera | None = None
     threads: int = 1
     models: bool = False
+    gpus: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check every value; raise RequestError with one sentence."""
@@ -58,6 +61,10 @@ class Request:
         for name, cost in (("traversal", self.costs.traversal), ("intersection", self.costs.intersection)):
             if not 1e-6 <= cost <= 1e6:
                 raise RequestError(f"The SAH {name} cost is {cost}: give a number from 1e-6 to 1e6.")
+        for gpu in self.gpus:
+            _check_one_of("GPU", gpu, tuple(GPUS))
+        if self.gpus and (self.frames, self.rounds) != (1, 1):
+            raise RequestError("A variant is compiled in one frame of one round: leave frames and rounds out.")
         try:
             reason = refusal(self.variant, self.rays)
         except VariantError as error:
@@ -83,6 +90,8 @@ class Request:
             camera = values["camera"]
             points = {k: tuple(camera[k]) for k in ("eye", "target", "up") if k in camera}
             values["camera"] = Camera(fov=camera["fov"], **points)
+        if "gpus" in values:
+            values["gpus"] = tuple(values["gpus"])
         if "size" in values:
             width, height = values["size"]
             values["size"] = (int(width), int(height))

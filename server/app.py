@@ -12,6 +12,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from server import problems
 from server.api import claims as api_claims
 from server.api import compare as api_compare
+from server.api import compiled as api_compiled
 from server.api import devices as api_devices
 from server.api import difference as api_difference
 from server.api import events as api_events
@@ -55,6 +56,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(api_studies.router)
     app.include_router(api_claims.router)
     app.include_router(api_compare.router)
+    app.include_router(api_compiled.router)
     app.include_router(api_difference.router)
     app.include_router(api_events.router)
     app.include_router(api_frames.router)

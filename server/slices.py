@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from renderer.child import AsyncSay, run_child_async
+from renderer.phone_compile.task import MODULE, task_of
+from server.compiled.kept import keep_listing
 from server.devices.registry import PHONE
 from server.pictures.taken import take_up
 from server.queue.ledger import Claim
@@ -37,6 +39,8 @@ class SliceRunner:
         with tempfile.TemporaryDirectory(prefix="rayfarm-pictures-", ignore_cleanup_errors=True) as name:
             folder = Path(name)
             measurement = await self._measure(held, say, folder)
+            if held.request.get("gpus"):
+                return await asyncio.to_thread(keep_listing, measurement, self.blobs)
             return await asyncio.to_thread(take_up, measurement, folder, self.blobs)
 
     async def _measure(self, held: Claim, say: AsyncSay, pictures: Path | None) -> Json:
@@ -45,7 +49,9 @@ class SliceRunner:
         if pictures is not None:
             task["pictures"] = str(pictures)
         module = "renderer.slice"
-        if self._is_phone(held.device):
+        if held.request.get("gpus"):
+            module, task = MODULE, task_of(held.request, held.request["gpus"], disassembly=True)
+        elif self._is_phone(held.device):
             module = "server.devices.phone_slice"
             task |= {"serial": held.device, "via": self.settings.via, "deadline_s": limit_s * AGENT_SHARE}
         return await run_child_async(

@@ -34,7 +34,8 @@ class Study:
     `axes` gives each axis of `server.study_axes.STUDY_AXES` a list, `paper` and `all` included; an axis that it does
     not name has its default, or `size`, `costs` and `specialise` here. Each of the `parts` is a matrix of its own with
     further axes; what two of them ask for is measured once. Of each of `first_here` the first scene that is here is
-    added. `repeats` holds every request so many times, one beside the other.
+    added. `repeats` holds every request so many times, one beside the other. With `gpus` the variants are compiled for
+    these and not measured.
     """
 
     scenes: tuple[str, ...]
@@ -51,6 +52,7 @@ class Study:
     vs_embree: bool = False
     specialise: bool = True
     models: bool = False
+    gpus: tuple[str, ...] = ()
     devices: tuple[str, ...] = (LLVMPIPE,)
     text: str = ""
 
@@ -135,8 +137,8 @@ def _request(study: Study, scene: str, variant: Variant) -> Request:
         scene=scene,
         variant=variant,
         size=study.size,
-        frames=study.frames,
-        rounds=min(study.rounds, study.frames),
+        frames=1 if study.gpus else study.frames,
+        rounds=1 if study.gpus else min(study.rounds, study.frames),
         rays=study.rays,
         # Nothing is built for brute force, so its requests differ in no costs.
         costs=SahCosts() if variant.structure == "none" else study.costs,
@@ -144,6 +146,7 @@ def _request(study: Study, scene: str, variant: Variant) -> Request:
         vs_embree=study.vs_embree,
         specialise=study.specialise,
         models=study.models,
+        gpus=study.gpus,
     )
 
 

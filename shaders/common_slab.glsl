@@ -44,9 +44,14 @@ float slab_least(float a, float b) {
     return intBitsToFloat(min(floatBitsToInt(a), floatBitsToInt(b)));
 }
 
-ivec3 slab_t(vec3 point) {
-    PRECISE vec3 t = (point - slab_origin) * slab_inverse;
+ivec3 slab_along(vec3 away) {
+    PRECISE vec3 t = away * slab_inverse;
     return floatBitsToInt(t);
+}
+
+ivec3 slab_t(vec3 point) {
+    PRECISE vec3 away = point - slab_origin;
+    return slab_along(away);
 }
 
 // An intersector that errs by more than the widening covers has boxes grown by a length that depends on the ray:

@@ -14,13 +14,15 @@ void intersect(uint slot) {
     PRECISE vec3 ac = c - a;
     PRECISE vec3 p = cross(ray_direction, ac);
     PRECISE float inverse = 1.0 / dot(ab, p);
-    PRECISE vec3 s = slab_origin - a;
-    PRECISE float u = dot(s, p) * inverse;
-    PRECISE vec3 q = cross(s, ab);
+    // The same bits as with s = o - a, and the slab test's difference as well: a sign is no rounding, and GPUs negate
+    // for nothing.
+    PRECISE vec3 away = a - slab_origin;
+    PRECISE float u = dot(away, p) * -inverse;
+    PRECISE vec3 q = cross(ab, away);
     PRECISE float v = dot(ray_direction, q) * inverse;
     PRECISE float t = dot(ac, q) * inverse;
 
-    ivec3 at_a = slab_t(a);
+    ivec3 at_a = slab_along(away);
     ivec3 at_b = slab_t(b);
     ivec3 at_c = slab_t(c);
     float entry = slab_first(min(at_a, min(at_b, at_c)));

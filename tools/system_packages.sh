@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs the system packages that are missing, for `run`, `agent` or `test`; asks for root only if something is missing.
+# Installs the system packages that are missing, for `run`, `agent`, `test` or `phone-compiler`; asks for root only if something is missing.
 set -euo pipefail
 
 library() { ldconfig -p | grep -q "$1"; }
@@ -25,6 +25,17 @@ if [ "${1:-run}" = test ]; then
     program pgrep || wanted+=(procps)
     program initdb || compgen -G "/usr/lib/postgresql/*/bin/initdb" >/dev/null || wanted+=(postgresql)
     if ! program chromium && ! program google-chrome; then wanted+=(chromium chromium-driver); fi
+fi
+if [ "${1:-run}" = phone-compiler ]; then
+    for tool in bison flex strip tar xz; do
+        program "$tool" || wanted+=("$(case "$tool" in strip) echo binutils ;; xz) echo xz-utils ;; *) echo "$tool" ;; esac)")
+    done
+    program g++ || wanted+=(g++)
+    program ninja || wanted+=(ninja-build)
+    program pkg-config || wanted+=(pkg-config)
+    pkg-config --exists libdrm 2>/dev/null || wanted+=(libdrm-dev)
+    pkg-config --exists zlib 2>/dev/null || wanted+=(zlib1g-dev)
+    [ -f /usr/share/keyrings/debian-archive-keyring.gpg ] || wanted+=(debian-archive-keyring)
 fi
 [ "${#wanted[@]}" -gt 0 ] || exit 0
 

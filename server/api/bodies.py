@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Annotated, Any
 
@@ -83,6 +84,13 @@ Costs = Annotated[CostsBody, BeforeValidator(_read_costs)]
 Axes = Annotated[dict[str, list[Name]], BeforeValidator(_read_axes)]
 
 
+def _require_here(gpus: Sequence[str], devices: Sequence[str]) -> None:
+    """Refuse a phone for what is compiled without one."""
+    other = next((device for device in devices if device != LLVMPIPE), None)
+    if gpus and other is not None:
+        raise ValueError(f"Compiling for GPUs takes no device: leave {other} out.")
+
+
 class JobBody(Body):
     """One variant on one scene; the names are those of a result."""
 
@@ -105,25 +113,34 @@ class JobBody(Body):
     vs_embree: Switch = False
     specialise: Switch = True
     models: Switch = False
+    gpus: Words = Field([], description="compile for these GPUs, and measure nothing: adreno-540, mali-g57, ...")
     camera: CameraBody | None = None
     device: Name = LLVMPIPE
     priority: Priority = NORMAL_PRIORITY
 
+    @model_validator(mode="after")
+    def _compiles_here(self) -> JobBody:
+        _require_here(self.gpus, [self.device])
+        return self
+
     def to_request(self) -> Request:
         """The request; raise RequestError with one sentence when it cannot be measured."""
         axes = {axis: getattr(self, axis) for axis in Variant().as_dict()}
+        given = "frames" in self.model_fields_set
+        frames = 1 if self.gpus and not given else self.frames
         return Request(
             scene=self.scene,
             variant=Variant(**axes),
             size=self.size,
-            frames=self.frames,
-            rounds=min(4, max(1, self.frames)) if self.rounds is None else self.rounds,
+            frames=frames,
+            rounds=min(4, max(1, frames)) if self.rounds is None else self.rounds,
             rays=self.rays,
             costs=SahCosts(self.sah.traversal, self.sah.intersection),
             check=self.check,
             vs_embree=self.vs_embree,
             specialise=self.specialise,
             models=self.models,
+            gpus=tuple(self.gpus),
             camera=Camera(**self.camera.model_dump()) if self.camera else None,
         )
 
@@ -144,8 +161,14 @@ class StudyBody(Body):
     vs_embree: Switch | None = None
     specialise: Switch | None = None
     models: Switch | None = None
+    gpus: Words | None = Field(None, description="compile for these GPUs, and measure nothing")
     devices: Words | None = None
     priority: Priority = NORMAL_PRIORITY
+
+    @model_validator(mode="after")
+    def _compiles_here(self) -> StudyBody:
+        _require_here(self.gpus or [], self.devices or [LLVMPIPE])
+        return self
 
     def to_study(self) -> Study:
         """The study; raise StudyError when it is neither a named one nor names scenes."""
@@ -159,4 +182,6 @@ class StudyBody(Body):
             study = with_changes(study, devices=tuple(dict.fromkeys(self.devices)) or (LLVMPIPE,))
         fields = ("axes", "size", "frames", "rounds", "repeats", "rays", "check", "vs_embree", "specialise", "models")
         costs = SahCosts(self.sah.traversal, self.sah.intersection) if self.sah else None
+        if self.gpus:
+            study = with_changes(study, gpus=tuple(dict.fromkeys(self.gpus)))
         return with_changes(study, costs=costs, **{name: getattr(self, name) for name in fields})

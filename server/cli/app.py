@@ -10,6 +10,7 @@ from typer.exceptions import TyperException
 
 from server.cli import bench as cli_bench
 from server.cli import compare as cli_compare
+from server.cli import compile as cli_compile
 from server.cli import devices as cli_devices
 from server.cli import profile as cli_profile
 from server.cli import scenes as cli_scenes
@@ -29,7 +30,10 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
 )
-for verbs in (cli_bench, cli_study, cli_service, cli_submit, cli_compare, cli_devices, cli_scenes, cli_profile, cli_up):
+for verbs in (
+    *(cli_bench, cli_compile, cli_study, cli_service, cli_submit, cli_compare, cli_devices, cli_scenes, cli_profile),
+    cli_up,
+):
     verbs.register(app)
 
 

@@ -41,6 +41,10 @@ def submit(
     vs_embree: Annotated[bool, typer.Option("--vs-embree", help="Trace the same rays with Embree.")] = False,
     specialise: Annotated[str | None, typer.Option(help="on, off or on,off.")] = None,
     models: Annotated[bool, typer.Option("--models", help="Also run the memory model and the ALU model.")] = False,
+    gpu: Annotated[
+        str | None,
+        typer.Option(help="Compile for these GPUs, a comma list, and measure nothing.", show_default=False),
+    ] = None,
     device: Annotated[str | None, typer.Option(help="llvmpipe, or devices as `rayfarm devices` lists them.")] = None,
     priority: Annotated[int | None, typer.Option(help="1 is the most urgent, 100 the usual.")] = None,
     wait: Annotated[bool, typer.Option("--wait/--no-wait", help="Wait for the results.")] = True,
@@ -51,7 +55,7 @@ def submit(
     given = locals()
     axes = {axis: given[axis] for axis in STUDY_AXES if given[axis] is not None}
     names = ("rays", "frames", "rounds", "check", "priority")
-    plain = {name: given[name] for name in names} | {"devices": device}
+    plain = {name: given[name] for name in names} | {"devices": device, "gpus": gpu}
     body = {name: value for name, value in plain.items() if value is not None}
     body |= {name: True for name in ("vs_embree", "models") if given[name]}
     body |= {"axes": axes} if axes else {}

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING, Any, cast
 
+from renderer.phone_compile.gpus import USUAL
 from renderer.variant import AXES
 
 if TYPE_CHECKING:
@@ -22,6 +23,11 @@ COLUMNS = (
     *("rays_kind", "rays_timed", "rays_primary", "rays_shadow", "structure_bytes", "primitive_bytes", "build_ms"),
     *("per_ray_nodes", "per_ray_inner", "per_ray_leaves", "per_ray_triangles", "per_ray_bytes", "per_ray_lines"),
     *("model_alu_per_fragment", "model_alu_per_ray"),
+    *(
+        f"model_compiled_{gpu.replace('-', '_')}_{figure}"
+        for gpu in USUAL
+        for figure in ("alu_per_fragment", "memory_per_fragment")
+    ),
     *("overflows", "error_false_hit", "error_false_miss", "error_edge", "error_wrong_primitive"),
     *("error_t_rel_p99", "error_t_rel_max", "error_t_ulp_max", "error_shadow_mismatch", "error_flip", "error_psnr"),
     *("vs_embree_mrays_per_cpu_s", "vs_embree_ratio"),

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from renderer.phone_compile.gpus import GPUS, USUAL
+
 Flat = Mapping[str, Any]
 Kind = Literal["number", "bytes", "fraction"]
 Better = Literal["higher", "lower"]
@@ -35,6 +37,32 @@ class Metric:
 
 ERROR_PARTS = ("error_false_hit", "error_false_miss", "error_wrong_primitive")
 
+
+COMPILED = "model_compiled_"
+"""What the estimates' keys begin with."""
+
+
+def _compiled(name: str) -> tuple[Metric, Metric]:
+    """A GPU's estimates."""
+    column, label = f"{COMPILED}{name.replace('-', '_')}", GPUS[name].label
+    return (
+        Metric(
+            f"{column}_alu_per_fragment",
+            f"ALU per fragment, {name} ({label})",
+            "ALU/fragment",
+            "lower",
+            model=f"{column}_text",
+        ),
+        Metric(
+            f"{column}_memory_per_fragment",
+            f"Memory operations per fragment, {name} ({label})",
+            "operations/fragment",
+            "lower",
+            model=f"{column}_text",
+        ),
+    )
+
+
 METRICS: dict[str, Metric] = {
     metric.key: metric
     for metric in (
@@ -51,6 +79,7 @@ METRICS: dict[str, Metric] = {
         Metric("per_ray_bytes", "Bytes per ray", "/ray", "lower", "bytes"),
         Metric("per_ray_lines", "Cache lines per ray (model)", "lines/ray", "lower", model="model_lines_text"),
         Metric("model_alu_per_fragment", "ALU per fragment (model)", "ALU/fragment", "lower", model="model_alu_text"),
+        *(metric for gpu in USUAL for metric in _compiled(gpu)),
         Metric("error_total", "Error", "of rays", "lower", "fraction"),
         Metric("error_false_hit", "False hits", "of rays", "lower", "fraction"),
         Metric("error_false_miss", "False misses", "of rays", "lower", "fraction"),

@@ -12,9 +12,10 @@ from sqlalchemy import exists, func, null, or_, select
 from sqlalchemy.orm import Session
 from starlette.datastructures import QueryParams
 
+from renderer.phone_compile.result import COMPILERS
 from server.comparison.charts import CHARTS
 from server.comparison.filters import NAMES, read_filter, selected
-from server.comparison.metrics import DEFAULT_METRIC, METRICS, Metric, require_metric
+from server.comparison.metrics import COMPILED, DEFAULT_METRIC, METRICS, Metric, require_metric
 from server.comparison.pivot import COLUMN_OF, PLACE, CompareError, Comparison, Group, pivot, read_dimensions
 from server.comparison.ratios import CLOCKS, with_ratios
 from server.comparison.setup_cache import SetupCache, setups_of
@@ -141,11 +142,21 @@ def _read_groups(
     chosen = [(PLACE[COLUMN_OF.get(name, name)], set(values)) for name, values in selection.filters.items()]
     if chosen:
         found = [pair for pair in found if all(pair[1].texts[place] in values for place, values in chosen)]
+    if _measured_alone(selection):
+        found = [pair for pair in found if pair[1].texts[PLACE[COLUMN_OF.get("device", "device")]] != COMPILERS]
+        within.append(Result.device != COMPILERS)
     groups = [group for _, group in found]
     count, newest = sum(group.results for group in groups), max((group.latest for group in groups), default=0)
     fields = setups.fields({setup for setup, _ in found})
     conditions = [*selected(selection.filters, None), *within]
     return groups, StoredRows(database, conditions, count, newest, fields)
+
+
+def _measured_alone(selection: Selection) -> bool:
+    """Whether results that were only compiled are left out, as they would hide the measured ones of their cells: unless
+    a study or a device is asked for, or one of their own figures."""
+    asked = selection.study is not None or "device" in selection.filters
+    return not asked and not selection.metric.key.startswith(COMPILED)
 
 
 def _count(session: Session, setups: SetupCache, within: Sequence[Any], *, by_study: bool) -> list[tuple[int, Group]]:

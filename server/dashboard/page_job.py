@@ -9,11 +9,13 @@ from fastapi import APIRouter, Request
 from fastapi.responses import Response
 from sqlalchemy.orm import Session
 
+from renderer.phone_compile.listing import KINDS
 from server.api.state import database_of
 from server.api.views import find_job, job_view
 from server.comparison.flat import without_raw
 from server.dashboard.fields import metric_rows, result_fields
 from server.dashboard.headline import headline, paper_lines
+from server.dashboard.page_compile import compiled_rows
 from server.dashboard.result_words import asked_words, environment, left_out
 from server.dashboard.templates import render
 from server.dashboard.waiting import body_again, wait_of
@@ -44,6 +46,7 @@ def job_page(job_id: str, request: Request) -> Response:
             "wait": wait_of(session, found, request.app.state.lease_s),
             "again": body_again(found),
             "profile_mb": request.app.state.profile_mb,
+            "kind_names": KINDS,
             **_result_context(session, found, job["result"]),
         }
     return render(request, "job.html", context)
@@ -52,10 +55,11 @@ def job_page(job_id: str, request: Request) -> Response:
 def _result_context(session: Session, job: Job, document: Json | None) -> Json:
     """What a measured job shows."""
     if document is None:
-        return {"measured": False}
+        return {"measured": False, "compiled": []}
     return {
         "measured": True,
         "headline": headline(document, job.request),
+        "compiled": compiled_rows(session, document, job.id) if "compiled" in document else [],
         "environment": environment(document),
         "left_out": left_out(document),
         "pictures": {"image": None, "counts": None} | (document.get("pictures") or {}),

@@ -11,6 +11,7 @@ from fastapi.staticfiles import StaticFiles
 
 from server.dashboard import (
     page_compare,
+    page_compile,
     page_devices,
     page_difference,
     page_hard_cases,
@@ -30,6 +31,7 @@ def install(app: FastAPI) -> None:
     """Add the pages and their static files to an application."""
     for page in (
         page_compare,
+        page_compile,
         page_difference,
         page_studies,
         page_report,

@@ -25,13 +25,13 @@ _CHECKS = {
 def asked_words(request: Json) -> str:
     """What a job asks for, in one line."""
     width, height = request["size"]
-    frames, rounds = request["frames"], request["rounds"]
+    frames, rounds, gpus = request["frames"], request["rounds"], request.get("gpus") or ()
     parts = [
         f"{width} × {height} pixels",
-        f"{counted(frames, 'frame')} in {counted(rounds, 'round')}",
-        _ASKED.get(request["rays"], ""),
+        f"compiled for {', '.join(gpus)}" if gpus else f"{counted(frames, 'frame')} in {counted(rounds, 'round')}",
+        "" if gpus else _ASKED.get(request["rays"], ""),
         f"SAH costs {request['costs']['traversal']:g} and {request['costs']['intersection']:g}",
-        _CHECKS.get(request["check"], ""),
+        "" if gpus else _CHECKS.get(request["check"], ""),
         "against Embree" if request["vs_embree"] else "",
         "with the models of memory and ALU" if request.get("models") else "",
         "" if request["specialise"] else "not specialised to the scene",

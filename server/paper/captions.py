@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from server.paper.data import COSTS, Section, costs_text
+from server.paper.data import COSTS, Json, Section, costs_text
 from server.paper.figures import FigureData
-from server.paper.measures import Measure
+from server.paper.measures import ALU_ESTIMATE, Measure
 from server.paper.roles import role_of
 from server.paper.words import counted
 
@@ -78,9 +78,16 @@ def _source(section: Section, measure: Measure) -> str:
     told = some if imported else ""
     if measure.basis == "model":
         said = model_text(section, measure.name)
-        begin = "" if said.startswith("A model") else "A model, no measurement: "
+        begin = "" if said.startswith(("A model", "Mesa")) else "A model, no measurement: "
         return f"{begin}{said} Exact for the scene: no interval.{told}"
     return f"Counted by the instrumented shader, exact for the scene: no interval.{told}"
+
+
+def _estimate_text(model: Json) -> object:
+    """What a result says of its estimate for the paper's GPU."""
+    compiled = model.get("compiled")
+    gpu = compiled.get("adreno_540") if isinstance(compiled, dict) else None
+    return gpu.get("text") if isinstance(gpu, dict) else None
 
 
 def model_text(section: Section, name: str) -> str:
@@ -90,6 +97,7 @@ def model_text(section: Section, name: str) -> str:
         if isinstance(model, dict):
             lines = model.get("lines")
             text = model.get("alu_text") if name.startswith("ALU") else isinstance(lines, dict) and lines.get("text")
+            text = _estimate_text(model) if name == ALU_ESTIMATE.name else text
             if isinstance(text, str) and text:
                 return text if text.endswith(".") else f"{text}."
     return "the results do not describe it."

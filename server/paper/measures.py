@@ -59,6 +59,12 @@ SP_READ_RATE = Measure("SP Memory Read", "bytes a second", "imported", _reader("
 LINES = Measure("Memory fetched in whole lines", "bytes a ray", "model", lines_bytes)
 REQUESTED = Measure("Memory requested", "bytes a ray", "counted", _reader("per_ray", "bytes"))
 ALU_IMPORTED = Measure("ALU / Fragment", "instructions a fragment", "imported", _reader("profile", "alu_per_fragment"))
+ALU_ESTIMATE = Measure(
+    "ALU per fragment for Adreno 540, Mesa ir3 estimate",
+    "operations a fragment",
+    "model",
+    _reader("model", "compiled", "adreno_540", "alu_per_fragment"),
+)
 ALU_MODEL = Measure("ALU per fragment", "operations a fragment", "model", _reader("model", "alu_per_fragment"))
 NODES = Measure("Nodes fetched", "nodes a pixel", "counted", nodes_a_pixel)
 TRIANGLES = Measure("Triangles tested", "triangles a ray", "counted", _reader("per_ray", "triangles"))
@@ -68,7 +74,7 @@ DEPTH = Measure("Depth of the tree", "levels", "counted", _reader("depth"))
 TRAFFIC = (SP_READ, SP_READ_RATE, LINES)
 """Layouts request the same bytes and waste different ones within lines, so that bytes requested cannot stand in."""
 MEMORY = (*TRAFFIC, REQUESTED)
-ALU = (ALU_IMPORTED, ALU_MODEL)
+ALU = (ALU_IMPORTED, ALU_ESTIMATE, ALU_MODEL)
 
 
 def choose(section: Section, cells: Iterable[Cell], measures: tuple[Measure, ...]) -> Measure:
