@@ -18,6 +18,7 @@ from renderer.memory.blocks import SIDE, Ints
 from renderer.memory.reads import RAY, Streams, Words, record_reads
 from renderer.planner import in_passes
 from renderer.prepare import Prepared
+from renderer.variant import TRAVERSALS
 
 LINE_BYTES = 64
 """Bytes of a line, as in Mali GPUs (Arm, Mali Bifrost and Valhall OpenCL Developer Guide, 7.3.2)."""
@@ -47,6 +48,8 @@ def model_lines(prepared: Prepared, host: Host) -> Lines:
     """Record the reads of the timed program on `host` and replay them."""
     if in_passes(prepared.scene, prepared.tree):
         return Lines(None, 0, "Not modelled: brute force runs in passes here, whose reads are not recorded.")
+    if TRAVERSALS[prepared.request.variant.traversal].packet:
+        return Lines(None, 0, "Not modelled: the pixels of a packet share its reads.")
     if host.device()["kind"] != "twin":
         return Lines(None, 0, "Not modelled: reads are recorded on llvmpipe only; import a profile for a phone's.")
     streams = record_reads(prepared, host)
