@@ -10,6 +10,8 @@ from fastapi.responses import Response
 from sqlalchemy.exc import SQLAlchemyError
 
 from server import problems
+from server.access.limits import Limit
+from server.access.middleware import Access
 from server.api import claims as api_claims
 from server.api import compare as api_compare
 from server.api import devices as api_devices
@@ -67,6 +69,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.blobs, app.state.profile_mb = Blobs(settings.blobs), settings.profile_mb
     pages.install(app)
     problems.install(app)
+    app.add_middleware(Access, required=settings.require_tokens, limit=Limit(settings.submissions_per_minute))
     app.add_middleware(Guard, allowed_hosts=settings.allowed_hosts)
 
     @app.get("/livez", include_in_schema=False)

@@ -16,6 +16,7 @@ from server.cli import scenes as cli_scenes
 from server.cli import service as cli_service
 from server.cli import study as cli_study
 from server.cli import submit as cli_submit
+from server.cli import tokens as cli_tokens
 from server.cli import up as cli_up
 from server.spoken import spoken
 
@@ -29,7 +30,18 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
 )
-for verbs in (cli_bench, cli_study, cli_service, cli_submit, cli_compare, cli_devices, cli_scenes, cli_profile, cli_up):
+for verbs in (
+    cli_bench,
+    cli_study,
+    cli_service,
+    cli_submit,
+    cli_compare,
+    cli_devices,
+    cli_scenes,
+    cli_profile,
+    cli_up,
+    cli_tokens,
+):
     verbs.register(app)
 
 
