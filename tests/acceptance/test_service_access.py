@@ -363,3 +363,17 @@ def test_secrets_are_in_no_log(
     for secret in (texts["admin"].partition(".")[2], re.split("[.;]", session)[1]):
         assert secret not in said
     assert texts["admin"] not in repr(Settings(token=SecretStr(texts["admin"])))
+
+
+def test_no_path_of_a_user_is_opened(service: Service, texts: dict[str, str]) -> None:
+    headers = bearer(texts["admin"])
+    climb = ("..%2f..%2fapp.py", "%2e%2e/%2e%2e/app.py", "%2fetc%2fpasswd", "....//app.py", "..%5capp.py", "a%00b")
+    bases = ("/static/", "/scenes/", "/api/v1/pictures/", "/api/v1/jobs/", "/api/v1/jobs/1/profiles/", "/jobs/")
+    for base in bases:
+        for path in climb:
+            answer = service.client.get(base + path, headers=headers)
+            assert answer.status_code in (400, 404, 422), (base, path, answer.status_code)
+            assert "create_app" not in answer.text
+            assert "root:" not in answer.text
+    for scene in ("/etc/passwd", "../../app.py", "file:///etc/passwd", "forest:../1"):
+        assert service.client.post("/api/v1/jobs", json={**JOB, "scene": scene}, headers=headers).status_code == 422
