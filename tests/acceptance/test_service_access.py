@@ -16,6 +16,7 @@ import pytest
 from browsing import running_browser
 from fastapi import FastAPI
 from fastapi.routing import APIRoute
+from prometheus_client.parser import text_string_to_metric_families
 from pydantic import SecretStr
 from selenium.webdriver.common.by import By
 from service_fakes import Service, running_service, wait_for
@@ -377,3 +378,18 @@ def test_no_path_of_a_user_is_opened(service: Service, texts: dict[str, str]) ->
             assert "root:" not in answer.text
     for scene in ("/etc/passwd", "../../app.py", "file:///etc/passwd", "forest:../1"):
         assert service.client.post("/api/v1/jobs", json={**JOB, "scene": scene}, headers=headers).status_code == 422
+
+
+def test_metrics_are_prometheus_text_without_job_ids(service: Service, texts: dict[str, str]) -> None:
+    service.client.post("/api/v1/jobs", json=JOB, headers=bearer(texts["admin"]))
+    answer = service.client.get("/metrics", headers=bearer(texts["read"]))
+    assert answer.headers["content-type"].startswith("text/plain")
+    families = {family.name: family for family in text_string_to_metric_families(answer.text)}
+    queued = next(sample for sample in families["rayfarm_jobs"].samples if sample.labels == {"state": "queued"})
+    assert queued.value == count_jobs(service)
+    assert families["process_resident_memory_bytes"].samples[0].value > 1e6
+    assert {label for family in families.values() for s in family.samples for label in s.labels} <= {
+        "state",
+        "kind",
+        "device",
+    }
