@@ -88,3 +88,11 @@ def test_a_damaged_plan_is_read_or_refused(cuts: list[tuple[int, int, bytes]]) -
             load_plan(path)
         except PlanError as error:
             one_sentence(error)
+
+
+def test_units_of_several_lines_are_told_on_one(tmp_path: Path) -> None:
+    path = tmp_path / "profile.csv"
+    path.write_text('a,u,v\nreads,"B\nA",1\nreads,"B\nC",2\n')
+    with pytest.raises(ProfileError) as refused:
+        read_profile(path, column_map={"@metric": "a", "@unit": "u", "@value": "v"})
+    one_sentence(refused.value)
