@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check -q install -c constraints.txt
 ARGS ?=
 
-.PHONY: all run agent phone phone-compiler test test-chaos check benchmark clean
+.PHONY: all run agent phone phone-compiler test test-api test-chaos check benchmark clean
 
 all: $(VENV)/.ready
 
@@ -30,6 +30,10 @@ test: $(VENV)/.ready-to-test
 	$(MAKE) check
 	$(BIN)/python -m agent_android.build desktop
 	$(BIN)/pytest $(ARGS)
+
+# At least 10,000 made-up requests to the whole API.
+test-api: $(VENV)/.ready-to-test
+	$(BIN)/pytest -m long tests/acceptance/test_service_schema.py $(ARGS)
 
 # Minutes of killed and frozen workers, on SQLite and PostgreSQL.
 test-chaos: $(VENV)/.ready-to-test

@@ -13,10 +13,12 @@ import numpy as np
 import trimesh
 
 from scenes import counts, obj
+from scenes.limits import bounded_memory, require_small_archive
 from scenes.scene import Floats, Ints, SceneError
 
 MAX_TRIANGLES = 1 << 24
 ARCHIVES = ("zip", "gz", "bz2", "xz", "7z", "rar", "tar", "tgz")
+PACKED = ("3mf", "zae")
 AREA_TOLERANCE = 1e-6
 # A unit normal survives six printed decimals, or a half-float, to better than this.
 UNIT_TOLERANCE = 0.05
@@ -40,14 +42,22 @@ def read_mesh(path: Path, drop: Iterable[str] = ()) -> Mesh:
     """
     if not path.is_file():
         raise SceneError(f"There is no file {str(path)!r}: check the path.")
+    try:
+        with bounded_memory():
+            return _checked(_load(path, drop), path.name)
+    except MemoryError:
+        raise SceneError(f"{path.name} takes more memory to read than there is: simplify it.") from None
+
+
+def _load(path: Path, drop: Iterable[str]) -> Any:
     kind = path.suffix.lower().lstrip(".")
     if kind == "obj":
-        loaded = _read_obj(path, drop)
-    elif kind == "ply":
-        loaded = _read_ply(path)
-    else:
-        loaded = _read_other(path, kind)
-    return _checked(loaded, path.name)
+        return _read_obj(path, drop)
+    if kind == "ply":
+        return _read_ply(path)
+    if kind in PACKED:
+        require_small_archive(path)
+    return _read_other(path, kind)
 
 
 def _read_obj(path: Path, drop: Iterable[str]) -> Any:
@@ -116,6 +126,8 @@ def _trimesh(source: Path | io.BytesIO, kind: str, name: str) -> Any:
             warnings.simplefilter("ignore")
             loaded = trimesh.load(source, file_type=kind, process=False, maintain_order=True, skip_materials=True)
             mesh = loaded.to_mesh() if isinstance(loaded, trimesh.Scene) and loaded.geometry else loaded
+    except MemoryError:
+        raise
     # trimesh's readers raise whatever their parsing stumbles over.
     except Exception as error:
         reason = " ".join(str(error).split())[:120] or type(error).__name__

@@ -9,7 +9,9 @@ from fastapi import FastAPI, Request
 from fastapi.responses import Response
 from sqlalchemy.exc import SQLAlchemyError
 
-from server import problems
+from server import metrics, problems
+from server.access.limits import Limit
+from server.access.middleware import Access
 from server.api import claims as api_claims
 from server.api import compare as api_compare
 from server.api import compiled as api_compiled
@@ -21,6 +23,7 @@ from server.api import hard_cases as api_hard_cases
 from server.api import jobs as api
 from server.api import pictures as api_pictures
 from server.api import profiles as api_profiles
+from server.api import schema
 from server.api import studies as api_studies
 from server.api import trace as api_trace
 from server.api.state import database_of
@@ -67,8 +70,11 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(api_trace.router)
     app.state.lease_s = settings.lease_s
     app.state.blobs, app.state.profile_mb = Blobs(settings.blobs), settings.profile_mb
+    app.include_router(metrics.router)
     pages.install(app)
     problems.install(app)
+    schema.install(app)
+    app.add_middleware(Access, required=settings.require_tokens, limit=Limit(settings.submissions_per_minute))
     app.add_middleware(Guard, allowed_hosts=settings.allowed_hosts)
 
     @app.get("/livez", include_in_schema=False)

@@ -7,11 +7,13 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from ipaddress import ip_address
 
 import uvicorn
 from fastapi import FastAPI
 
 from server import processes
+from server.access import tokens
 from server.app import create_app
 from server.settings import Settings
 from server.store.database import Database
@@ -60,7 +62,9 @@ class Server(uvicorn.Server):
 def make_server(settings: Settings, log_level: str = "warning") -> Server:
     """A server of the application, to be run on a socket from `listen`."""
     app = create_app(settings)
-    config = uvicorn.Config(app, log_level=log_level, server_header=False, timeout_graceful_shutdown=3)
+    config = uvicorn.Config(
+        app, log_level=log_level, access_log=False, server_header=False, timeout_graceful_shutdown=3
+    )
     return Server(config, app)
 
 
@@ -70,7 +74,12 @@ def running(settings: Settings, sock: socket.socket, with_worker: bool) -> Itera
 
     Raise DatabaseError when the database cannot be opened, ServiceError when the server does not start.
     """
-    Database(settings.database_url).close()
+    settings = _for_socket(settings, sock)
+    database = Database(settings.database_url)
+    try:
+        _require_tokens(settings, database, sock)
+    finally:
+        database.close()
     server = make_server(settings)
     serving = threading.Thread(target=server.run, kwargs={"sockets": [sock]}, name="server")
     keeper = WorkerKeeper() if with_worker else None
@@ -86,6 +95,24 @@ def running(settings: Settings, sock: socket.socket, with_worker: bool) -> Itera
         server.should_exit = True
         serving.join()
         sock.close()
+
+
+def _for_socket(settings: Settings, sock: socket.socket) -> Settings:
+    """The settings for what listens at a socket: anywhere but at a loopback address they ask for tokens."""
+    bound = ip_address(sock.getsockname()[0])
+    if bound.is_loopback:
+        return settings
+    name = f"[{bound}]" if bound.version == 6 else str(bound)
+    hosts = settings.allowed_hosts if bound.is_unspecified else (*settings.allowed_hosts, name)
+    return settings.model_copy(update={"require_tokens": True, "allowed_hosts": hosts})
+
+
+def _require_tokens(settings: Settings, database: Database, sock: socket.socket) -> None:
+    if settings.require_tokens and not tokens.any_live(database):
+        sock.close()
+        raise ServiceError(
+            "This address needs tokens and there are none: make one with `rayfarm tokens create NAME --scope admin`."
+        )
 
 
 def _wait_until_started(server: uvicorn.Server, serving: threading.Thread) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from platformdirs import user_data_path
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import AfterValidator, Field, SecretStr, ValidationError
 from pydantic_core import PydanticCustomError
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
@@ -43,11 +43,13 @@ class Settings(BaseSettings):
 
     `database_url` is an SQLAlchemy URL. `blobs` is the folder, or the bucket `s3://bucket/prefix`, of what is too large
     for it: pictures, and imported profiles, none of which may be larger than `profile_mb` megabytes; servers and
-    workers share it. `allowed_hosts` are the names under which the service may be addressed. `slice_timeout_s` bounds
-    one slice, `lease_s` is how long a worker that shows no sign of life keeps its slices, `poll_s` how often a worker
-    looks for work; in seconds. `worker_host` names the machine that phones are attached to, where its host name will
-    not do. `phones` and `llvmpipe` say what a worker cares for, `via` how a phone's agent is run: by `app_process` or
-    as an app.
+    workers share it.
+    `require_tokens` asks for tokens at a loopback address too, of which each may send `submissions_per_minute` (0
+    for any number). `allowed_hosts` are the names under which the service may be addressed. `slice_timeout_s`
+    bounds one slice, `lease_s` is how long a worker that shows no sign of life keeps its slices, `poll_s` how often
+    a worker looks for work; in seconds. `worker_host` names the machine that phones are attached to, where its host
+    name will not do. `phones` and `llvmpipe` say what a worker cares for, `via` how a phone's agent is run: by
+    `app_process` or as an app.
     """
 
     model_config = SettingsConfigDict(env_prefix="RAYFARM_")
@@ -57,6 +59,10 @@ class Settings(BaseSettings):
     profile_mb: int = Field(default=1000, ge=1)
     host: str = "127.0.0.1"
     port: int = Field(default=8710, ge=0, le=65535)
+    require_tokens: bool = False
+    submissions_per_minute: int = Field(default=600, ge=0)
+    token: SecretStr | None = Field(default=None, description="what the CLI's verbs send to the service")
+    token_file: Path | None = None
     allowed_hosts: tuple[str, ...] = ("localhost", "127.0.0.1", "[::1]")
     slice_timeout_s: float = Field(default=900.0, gt=0)
     lease_s: float = Field(default=60.0, ge=1)

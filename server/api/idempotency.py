@@ -15,6 +15,7 @@ from sqlalchemy import delete
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
+from server.access.middleware import HOLDER
 from server.problems import Problem
 from server.store.database import Database
 from server.store.models import Json, Submitted, now
@@ -29,10 +30,17 @@ KeyHeader = Annotated[str | None, Header(alias=HEADER, description="A request wi
 
 @dataclass(frozen=True)
 class Submission:
-    """A request that creates something: its key, if it has one, and a digest of method, path and body."""
+    """A request that creates something: its key, if any, a digest of method, path and body, and the sender's token."""
 
     key: str | None
     digest: str
+    owner: str = ""
+
+    @property
+    def kept_as(self) -> str:
+        """The key as it is stored: every token has keys of its own."""
+        assert self.key is not None
+        return hashlib.sha256(f"{self.owner} {self.key}".encode()).hexdigest() if self.owner else self.key
 
 
 @dataclass(frozen=True)
@@ -53,7 +61,8 @@ async def read_submission(request: Request, key: KeyHeader = None) -> Submission
     if len(request.headers.getlist(HEADER)) > 1 or (key is not None and not _KEY.fullmatch(key)):
         raise Problem(422, f"The {HEADER} is wrong: send one of 1 to 200 visible ASCII characters without spaces.")
     head = f"{request.method} {request.url.path}\n".encode()
-    return Submission(key, hashlib.sha256(head + await request.body()).hexdigest())
+    holder = request.scope.get(HOLDER)
+    return Submission(key, hashlib.sha256(head + await request.body()).hexdigest(), holder.id if holder else "")
 
 
 SubmissionOf = Annotated[Submission, Depends(read_submission)]
@@ -64,7 +73,7 @@ def earlier_answer(database: Database, submission: Submission) -> JSONResponse |
     if submission.key is None:
         return None
     with database.reading() as session:
-        stored = session.get(Submitted, submission.key)
+        stored = session.get(Submitted, submission.kept_as)
     if stored is None or stored.created_at < now() - KEPT:
         return None
     if stored.digest != submission.digest:
@@ -92,4 +101,4 @@ def answer_once(database: Database, submission: Submission, create: Callable[[Se
 def _keep(session: Session, submission: Submission, answer: Answer) -> None:
     session.execute(delete(Submitted).where(Submitted.created_at < now() - KEPT))
     kept = {"status": answer.status, "location": answer.location, "body": answer.body}
-    session.add(Submitted(key=submission.key, digest=submission.digest, **kept))
+    session.add(Submitted(key=submission.kept_as, digest=submission.digest, **kept))

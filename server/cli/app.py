@@ -17,6 +17,7 @@ from server.cli import scenes as cli_scenes
 from server.cli import service as cli_service
 from server.cli import study as cli_study
 from server.cli import submit as cli_submit
+from server.cli import tokens as cli_tokens
 from server.cli import up as cli_up
 from server.spoken import spoken
 
@@ -33,6 +34,7 @@ app = typer.Typer(
 for verbs in (
     *(cli_bench, cli_compile, cli_study, cli_service, cli_submit, cli_compare, cli_devices, cli_scenes, cli_profile),
     cli_up,
+    cli_tokens,
 ):
     verbs.register(app)
 

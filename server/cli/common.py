@@ -58,7 +58,7 @@ class Client:
         if urlsplit(self.address).scheme not in ("http", "https"):
             raise ClientError(f"{self.address!r} is no address: write it as http://127.0.0.1:8710.")
         remote = urlsplit(self.address).hostname not in LOOPBACK
-        self._http = httpx.Client(base_url=self.address, timeout=TIMEOUT_S, trust_env=remote)
+        self._http = httpx.Client(base_url=self.address, timeout=TIMEOUT_S, trust_env=remote, headers=authorization())
 
     def get(self, path: str, params: list[tuple[str, str]] | None = None) -> Any:
         """GET a path under /api/v1 as JSON."""
@@ -150,6 +150,28 @@ class Client:
                     raise
                 time.sleep(pause_s)
         return self._http.request(method, f"/api/v1/{path}", **values)
+
+
+def authorization() -> dict[str, str]:
+    """The header with the token of RAYFARM_TOKEN, or of the file RAYFARM_TOKEN_FILE; empty where there is none."""
+    from server.settings import settings
+
+    chosen = settings()
+    text = chosen.token.get_secret_value() if chosen.token else _read_token(chosen.token_file)
+    if not text.isascii() or not text.isprintable():
+        raise ClientError("The token has characters that no token has: copy it once more.")
+    return {"Authorization": f"Bearer {text}"} if text else {}
+
+
+def _read_token(file: Path | None) -> str:
+    if file is None:
+        return ""
+    try:
+        if file.stat().st_mode & 0o077:
+            raise ClientError(f"Others can read the token in {file}: chmod 600 {file}.")
+        return file.read_text().strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ClientError(f"The token file {file} cannot be read: correct RAYFARM_TOKEN_FILE.") from error
 
 
 def _usual_address() -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 from urllib.parse import urlsplit
 
-from server.cli.common import LOOPBACK, ClientError
+from server.cli.common import LOOPBACK, ClientError, authorization
 
 if TYPE_CHECKING:
     import httpx
@@ -31,7 +31,7 @@ def export(address: str, params: list[tuple[str, str]], form: str, output: Path 
     query = httpx.QueryParams([*params, ("format", form)])
     try:
         with (
-            httpx.Client(base_url=address, timeout=PATIENCE_S, trust_env=remote) as client,
+            httpx.Client(base_url=address, timeout=PATIENCE_S, trust_env=remote, headers=authorization()) as client,
             client.stream("GET", "/api/v1/compare", params=query) as answer,
         ):
             if answer.is_error:

@@ -12,8 +12,9 @@ from sqlalchemy.orm import Session
 
 from server.api.views import MAX_ID, find_job
 from server.problems import Problem
+from server.profiles.child import read_in_child
 from server.profiles.paper import paper_figures
-from server.profiles.reader import Imported, read_profile
+from server.profiles.reader import Imported
 from server.profiles.summary import Summary
 from server.store.blobs import Blobs, Incoming
 from server.store.database import Database
@@ -46,7 +47,7 @@ def import_file(
     transaction that names it: where that fails, a blob that nobody names is left.
     """
     incoming.flush()
-    imported = read_profile(incoming.path, form, column_map)
+    imported = read_in_child(incoming.path, form, column_map)
     sha256 = blobs.keep(incoming)
     profile = Profile(
         format=imported.format,

@@ -254,6 +254,21 @@ class HardCaseRun(Base):
     document: Mapped[Json] = mapped_column(deferred=True)
 
 
+class Token(Base):
+    """An API token: `digest` is its secret's SHA-256 in hexadecimal; a page's session has the token it came from."""
+
+    __tablename__ = "tokens"
+
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)
+    name: Mapped[str] = mapped_column(String(100))
+    digest: Mapped[str] = mapped_column(String(64))
+    scopes: Mapped[list[Any]]
+    parent: Mapped[str | None] = mapped_column(ForeignKey("tokens.id"), index=True)
+    created_at: Mapped[datetime] = mapped_column(default=now)
+    expires_at: Mapped[datetime]
+    revoked_at: Mapped[datetime | None]
+
+
 class Profile(Base):
     """A profiler's file that was imported for a job: what it was, and where its text is (`sha256` in the blob store).
 

@@ -150,12 +150,12 @@ class Service:
 
 
 @contextmanager
-def running_service(folder: Path, database_url: str | None = None) -> Iterator[Service]:
-    """A service on a database, by default one in `folder`."""
+def running_service(folder: Path, database_url: str | None = None, **settings: Any) -> Iterator[Service]:
+    """A service on a database, by default one in `folder`, with other settings where they are given."""
     url = database_url or f"sqlite:///{folder / 'service.sqlite'}"
     sock = listen("127.0.0.1", 0)
     base = address(sock)
-    with running(Settings(database_url=url), sock, with_worker=False):
+    with running(Settings(database_url=url, **settings), sock, with_worker=False):
         database = Database(url)
         durable = Durable(database)
         try:
