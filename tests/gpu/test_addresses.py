@@ -115,7 +115,7 @@ def counted(scene: str, variant: Variant) -> Records:
 VARIANTS = [
     (name, variant, rays)
     for name, rays in ((SCENE, "primary"), (SCENE, "shadow"), (SCENE, "both"), ("cornell-box", "both"))
-    for variant in matrix({axis: AXES[axis] for axis in ("traversal", "method")}, rays)[0]
+    for variant in matrix({"traversal": ("brute-force", *WALKS), "method": AXES["method"]}, rays)[0]
 ]
 
 
@@ -251,7 +251,7 @@ def test_what_is_not_modelled_says_why() -> None:
 
 
 def test_timed_and_instrumented_plans_record_nothing() -> None:
-    for traversal in TRAVERSALS:
+    for traversal in WALKS:
         ready = prepared(catalogue_scene("cornell-box"), Variant(traversal), SIZE)
         for plan in (ready.plan(instrument=False), ready.plan(instrument=True)):
             assert "reads" not in {buffer.name for buffer in plan.buffers}

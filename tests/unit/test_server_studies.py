@@ -41,7 +41,7 @@ def test_the_demos_frames_give_an_interval() -> None:
 
 
 def test_all_leaves_out_brute_force_by_the_number_of_tests() -> None:
-    study = Study(scenes=("small", "large"), axes={"traversal": "all"}, size=(64, 64))
+    study = Study(scenes=("small", "large"), axes={"traversal": "all", "method": "compute"}, size=(64, 64))
     planned = plan(study)
     assert [(item["scene"], item["traversal"]) for item in planned.refused] == [("large", "brute-force")]
     named = plan(with_changes(study, axes={"traversal": ["brute-force"]}))
@@ -50,7 +50,7 @@ def test_all_leaves_out_brute_force_by_the_number_of_tests() -> None:
 
 def test_every_combination_is_planned_or_refused() -> None:
     axes = dict.fromkeys(AXES, "all")
-    planned = plan(Study(scenes=("small",), axes=axes, size=(8, 8)))
+    planned = plan(Study(scenes=("small",), axes=axes, size=(8, 8), frames=1))
     total = 1
     for values in AXES.values():
         total *= len(values)
@@ -90,7 +90,7 @@ def test_brute_force_is_measured_once_whatever_the_costs() -> None:
 
 
 def test_all_leaves_out_brute_force_at_the_sizes_that_are_too_large() -> None:
-    planned = plan(Study(scenes=("large",), axes={"traversal": "all", "size": "8,1024"}))
+    planned = plan(Study(scenes=("large",), axes={"traversal": "all", "method": "compute", "size": "8,1024"}))
     brute = [request.size for request in planned.requests if request.variant.structure == "none"]
     assert brute == [(8, 8)]
     assert [item["reason"] for item in planned.refused] == [
