@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from service_fakes import SPEEDS, Service, running_service
 
+from renderer.variant import AXES
+
 PAPER = ["bvh-parent-link", "bvh-restart-trail", "kd-push-down", "kd-backtrack"]
 
 
