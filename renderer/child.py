@@ -44,6 +44,11 @@ def silent(_phase: str) -> None:
     """Say nothing."""
 
 
+def tell_note(text: str) -> None:
+    """In a child: tell the parent what is done just now, in words for a user."""
+    _print({"note": text})
+
+
 def run_child(module: str, task: Json, threads: int, timeout_s: float, say: Say = silent) -> Json:
     """Run `python -m module` on a task with `threads` rasteriser threads and return its answer.
 
