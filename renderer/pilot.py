@@ -42,6 +42,9 @@ LEAST_S = 0.03
 """A round measures a variant for about this long, by at most MOST_FRAMES frames: short frames are disturbed easily."""
 MOST_FRAMES = 3
 
+TELL_S = 3.0
+"""How often it is told what is prepared."""
+
 Value = TypeVar("Value")
 Array = npt.NDArray[Any]
 Clock = Literal["cpu", "wall"]
@@ -90,8 +93,11 @@ class Pilot:
         """Build and pack every variant once; those that can, each program with its data once."""
         found: list[Candidate] = []
         programs: dict[object, str] = {}
+        told = 0.0
         for number, label in enumerate(self.requests):
-            tell(f"preparing {label} ({number + 1} of {len(self.requests)})")
+            if time.monotonic() - told > TELL_S:
+                told = time.monotonic()
+                tell(f"preparing variant {number + 1} of {len(self.requests)}")
             try:
                 ready = self._ready(label)
                 plan = self._made(ready, self.base.size)
