@@ -50,9 +50,7 @@ def tell_note(text: str) -> None:
     _print({"note": text})
 
 
-def run_child(
-    module: str, task: Json, threads: int, timeout_s: float, say: Say = silent, note: Say = silent
-) -> Json:
+def run_child(module: str, task: Json, threads: int, timeout_s: float, say: Say = silent, note: Say = silent) -> Json:
     """Run `python -m module` on a task with `threads` rasteriser threads and return its answer; `note` gets its notes.
 
     The child ends with this process. Raise ChildError with its reason when it fails or works for longer than

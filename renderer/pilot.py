@@ -12,8 +12,8 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
-from typing import Any, Literal, TypeVar
 from functools import partial
+from typing import Any, Literal, TypeVar
 from weakref import WeakValueDictionary, ref
 
 import numpy as np
@@ -38,9 +38,9 @@ from scenes.load import load
 
 MOST_BYTES = 2 << 30
 """The bytes of packed buffers that are kept; variants that were not used for longest are packed again."""
-LEAST_S = 0.03
+LEAST_S = 0.01
 """A round measures a variant for about this long, by at most MOST_FRAMES frames: short frames are disturbed easily."""
-MOST_FRAMES = 3
+MOST_FRAMES = 2
 
 TELL_S = 3.0
 """How often it is told what is prepared."""
@@ -62,8 +62,8 @@ class Facts:
 class Pilot:
     """All candidates of a recommendation on one host; `requests` differ in the variant alone.
 
-    `failed` says in a sentence why a variant cannot run, `same` which other's program and data a variant shares word for
-    word: it is measured once.
+    `failed` says in a sentence why a variant cannot run, `same` which other's program and data a variant shares word
+    for word: it is measured once.
     """
 
     def __init__(self, requests: Sequence[Request], host: Host) -> None:
@@ -111,9 +111,12 @@ class Pilot:
                 found.append(Candidate(label, ready.packed.structure_bytes + ready.packed.primitives.nbytes))
         return found
 
-    def measure(self, labels: Sequence[str], size: Size) -> Mapping[str, float | str]:
-        """One round in the order given: seconds a frame, processor time where one thread of this machine is the GPU."""
-        return {label: _spoken(partial(self._time, label, size)) for label in labels}
+    def measure(self, labels: Sequence[str], size: Size, frames: int | None = None) -> Mapping[str, float | str]:
+        """One round in the order given: seconds a frame, processor time where one thread of this machine is the GPU.
+
+        `frames` are as many as it takes for LEAST_S where they are not given.
+        """
+        return {label: _spoken(partial(self._time, label, size, frames)) for label in labels}
 
     def judge(self, label: str, size: Size) -> Judged | str:
         """Run the instrumented plan and have its records judged."""
@@ -161,12 +164,10 @@ class Pilot:
         if plan is not None and isinstance(self.host, KeptTwins):
             self.host.forget(plan)
 
-    def _time(self, label: str, size: Size) -> float:
+    def _time(self, label: str, size: Size, wanted: int | None) -> float:
         plan = self._plan(label, size)
         pixels = size[0] * size[1]
-        known = self._seconds.get(label)
-        expected = LEAST_S if known is None else known[1] * pixels / known[0]
-        frames = min(MOST_FRAMES, max(1, round(LEAST_S / max(expected, 1e-6))))
+        frames = wanted or self._frames(label, pixels)
         with holding(self.host.lock):
             begun = time.perf_counter()
             timed = self.host.measure(plan, frames, lambda: None)
@@ -178,6 +179,11 @@ class Pilot:
         seconds = self._figure(timed.frames)
         self._seconds[label] = (pixels, seconds)
         return seconds
+
+    def _frames(self, label: str, pixels: int) -> int:
+        known = self._seconds.get(label)
+        expected = LEAST_S if known is None else known[1] * pixels / known[0]
+        return min(MOST_FRAMES, max(1, round(LEAST_S / max(expected, 1e-6))))
 
     def _figure(self, frames: Frames) -> float:
         """The fastest in processor time, to which neighbours only ever add; else the median."""

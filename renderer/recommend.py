@@ -24,14 +24,14 @@ Size = tuple[int, int]
 PILOT_SHARE = 1 / 16
 """The pilot's first rung has this share of the pixels, and the last at most MOST_SHARE."""
 MOST_SHARE = 1 / 4
-LEAST_PIXELS = 64 * 64
+LEAST_PIXELS = 128 * 128
 PILOT_ROUNDS = 3
 FINALISTS = 3
 ROUNDS = 8
 """Rounds of the confirmation: enough for an interval of two comparisons that hold together with 95 % confidence."""
 
 MARGIN = 0.10
-"""Small images rank variants a little otherwise than large ones: in the slower half, more than this is clearly slower."""
+"""Small images rank variants a little otherwise than large ones: in the slower half, past this is clearly slower."""
 FAR = 0.5
 """Clearly slower by more than this goes from the faster half, too."""
 TIE = NEGLIGIBLE / 2
@@ -265,9 +265,9 @@ class _Search:
 class Standing:
     """How variants stand to each other after a few rounds that each measured all of them.
 
-    A round's and a variant's log time add up, but for noise of one size for all: three rounds of one variant alone could
-    not tell it, so it is the median of all variants' standard deviations over the rounds, which neighbours that disturb
-    a round of some of them hardly change.
+    A round's and a variant's log time add up, but for noise of one size for all: three rounds of one variant alone
+    could not tell it, so it is the median of all variants' standard deviations over the rounds, which neighbours that
+    disturb a round of some of them hardly change.
     """
 
     def __init__(self, times: Mapping[str, Sequence[float]]) -> None:

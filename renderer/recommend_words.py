@@ -56,7 +56,7 @@ def _nothing(found: Verdict) -> str:
     reasons = []
     if found.over_error:
         least = min(one.wrong for one in found.over_error.values())
-        reasons.append(f"{len(found.over_error)} are over the error budget, the best with {least:.1e} of its rays wrong")
+        reasons.append(f"{len(found.over_error)} are over the error budget, the best by {least:.1e} of its rays")
     if found.over_memory:
         least_bytes = min(found.over_memory.values())
         reasons.append(f"{len(found.over_memory)} are over the memory budget, the smallest with {_size(least_bytes)}")

@@ -89,5 +89,3 @@ def asked_of(request: Json) -> Json | None:
 def found_of(job: Job) -> Json | None:
     """The recommendation that a job came to; None before that."""
     return job.slices[0].measurement if job.state == "done" and job.slices else None
-
-

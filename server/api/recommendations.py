@@ -35,10 +35,10 @@ Memory = Annotated[int, BeforeValidator(_read_memory)]
 
 
 class RecommendationBody(Body):
-    """What is to be recommended; `axes` as in a study, each with all its values or its default where it is not named."""
+    """What is to be recommended; `axes` as in a study, all values or the default where one is not named."""
 
     scene: Name
-    axes: Axes = {}
+    axes: Axes = Field(default_factory=dict)
     size: Size = (1024, 1024)
     rays: str = "both"
     sah: Costs = CostsBody()
@@ -138,5 +138,3 @@ def recommendation_view(job: Job) -> dict[str, Any]:
         "changes": [{"state": c.state, "reason": c.reason, "at": iso(c.at)} for c in job.changes],
         "recommendation": found_of(job),
     }
-
-

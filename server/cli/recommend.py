@@ -109,7 +109,8 @@ def _refused(here: Here) -> list[Json]:
 def _run(query: Query, device: str | None, via: str, *, quiet: bool) -> Json:
     from renderer.child import run_child
 
-    module, task = "renderer.recommending", {"query": query.to_json()}
+    module = "renderer.recommending"
+    task: Json = {"query": query.to_json()}
     if device is not None:
         from server.devices.agent_host import DEADLINE_S, AgentHost
 

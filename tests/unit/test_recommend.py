@@ -174,7 +174,8 @@ def test_every_candidate_is_accounted_for_once() -> None:
     device.wrong = {order[4]: 0.05}
     device.broken = {order[5]: "No."}
     found = run(device, {order[6]: 9999}, memory=5000)
-    named = [one.label for one in (*found.finalists, *found.eliminated, *found.unconfirmed)]
+    named = [one.label for one in found.finalists]
+    named += [one.label for one in (*found.eliminated, *found.unconfirmed)]
     named += [*found.over_memory, *found.over_error, *found.failed]
     assert sorted(named) == order
 
