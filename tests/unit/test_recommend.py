@@ -196,7 +196,7 @@ def test_the_noise_is_told_from_all_variants_together() -> None:
 
 def test_pilot_sizes_grow_and_keep_the_shape() -> None:
     assert pilot_sizes((1024, 512)) == [(256, 128), (362, 181), (512, 256), (512, 256)]
-    assert pilot_sizes((64, 64))[0] == (64, 64)
+    assert pilot_sizes((256, 256))[0] == (128, 128)
     assert pilot_sizes((8, 4))[0] == (8, 4)
 
 
