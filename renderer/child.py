@@ -1,7 +1,8 @@
 """Work in a fresh child process: both ends of it. Between them stands `renderer.leash`, which ends the child in time.
 
 The task goes down as one line of JSON on standard input. Up come lines of JSON on standard output: `{"phase": P}` as
-the work goes on, and last `{"answer": A}`, or `{"error": SENTENCE, "gone": whether the device went away}`.
+the work goes on, `{"note": TEXT}` for who watches it, and last `{"answer": A}`, or
+`{"error": SENTENCE, "gone": whether the device went away}`.
 """
 
 from __future__ import annotations
@@ -44,8 +45,13 @@ def silent(_phase: str) -> None:
     """Say nothing."""
 
 
-def run_child(module: str, task: Json, threads: int, timeout_s: float, say: Say = silent) -> Json:
-    """Run `python -m module` on a task with `threads` rasteriser threads and return its answer.
+def tell_note(text: str) -> None:
+    """In a child: tell the parent what is done just now, in words for a user."""
+    _print({"note": text})
+
+
+def run_child(module: str, task: Json, threads: int, timeout_s: float, say: Say = silent, note: Say = silent) -> Json:
+    """Run `python -m module` on a task with `threads` rasteriser threads and return its answer; `note` gets its notes.
 
     The child ends with this process. Raise ChildError with its reason when it fails or works for longer than
     `timeout_s` seconds (its phase `waiting` does not count), DeviceGoneError when its device went away.
@@ -54,7 +60,14 @@ def run_child(module: str, task: Json, threads: int, timeout_s: float, say: Say 
     async def tell(phase: str) -> None:
         say(phase)
 
-    return asyncio.run(run_child_async(module, task, threads, timeout_s, tell))
+    async def take(text: str) -> None:
+        note(text)
+
+    return asyncio.run(run_child_async(module, task, threads, timeout_s, tell, note=take))
+
+
+async def silent_async(_text: str) -> None:
+    """Say nothing."""
 
 
 async def run_child_async(
@@ -64,6 +77,7 @@ async def run_child_async(
     timeout_s: float,
     say: AsyncSay,
     *,
+    note: AsyncSay = silent_async,
     lease_s: float = LEASE_S,
     has_lease: Callable[[], bool] = lambda: True,
 ) -> Json:
@@ -77,7 +91,7 @@ async def run_child_async(
         assert leash.stdout is not None
         pulse = asyncio.create_task(_pulse(leash.stdin, lease_s / 4, has_lease))
         try:
-            return await _follow(leash.stdout, say)
+            return await _follow(leash.stdout, say, note)
         finally:
             pulse.cancel()
 
@@ -127,12 +141,14 @@ async def _pulse(to: asyncio.StreamWriter, every_s: float, has_lease: Callable[[
             to.write(b"\n")
 
 
-async def _follow(source: asyncio.StreamReader, say: AsyncSay) -> Json:
+async def _follow(source: asyncio.StreamReader, say: AsyncSay, note: AsyncSay) -> Json:
     last: Json = {"error": "The run ended without an answer.", "gone": False}
     async for line in source:
         message = _read(line)
         if "phase" in message:
             await say(message["phase"])
+        elif "note" in message:
+            await note(message["note"])
         elif message:
             last = message
     if "answer" in last:
@@ -147,7 +163,7 @@ def _read(line: bytes) -> Json:
         message = json.loads(line)
     except ValueError:
         return {}
-    known = isinstance(message, dict) and message.keys() & {"phase", "answer", "error"}
+    known = isinstance(message, dict) and message.keys() & {"phase", "note", "answer", "error"}
     return message if known else {}
 
 

@@ -41,14 +41,22 @@ class Prepared:
         return tree
 
 
-def prepare(request: Request) -> Prepared:
-    """Load, build and pack; raise SceneError, BuildError or PackError with one sentence."""
-    scene = load(request.scene)
-    tree, build_ms = _tree(scene, request)
+Built = tuple[Tree | None, float | None]
+"""A tree and the CPU milliseconds of its build."""
+
+
+def prepare(request: Request, scene: Scene | None = None, built: Built | None = None) -> Prepared:
+    """Load, build and pack; raise SceneError, BuildError or PackError with one sentence.
+
+    `scene` and `built` are the request's own where they are at hand.
+    """
+    scene = scene or load(request.scene)
+    tree, build_ms = built or build_tree(scene, request)
     return Prepared(request, scene, tree, build_ms, pack(scene, tree, request))
 
 
-def _tree(scene: Scene, request: Request) -> tuple[Tree | None, float | None]:
+def build_tree(scene: Scene, request: Request) -> Built:
+    """The request's tree, from the cache where it is there."""
     kind = request.variant.structure
     if kind == "none":
         return None, None

@@ -44,10 +44,14 @@ class Twin:
         self._programs = {p.name: self._compile(p.name, p.stages) for p in plan.programs}
         self._vertices = {p.name: self._vertex_array(p) for p in plan.passes if p.kind != "compute"}
         self._targets = {p.name: self._framebuffer(p) for p in plan.passes if p.target}
+        self.arm()
+
+    def arm(self) -> None:
+        """Set what all passes share; needed again when another plan ran with one of the same programs."""
         for name, program in self._programs.items():
-            self._set_uniforms(program, plan.uniforms)
+            self._set_uniforms(program, self.plan.uniforms)
             if "present" not in name:
-                self._set(program, "tile_size", ("ivec2", list(plan.tile)))
+                self._set(program, "tile_size", ("ivec2", list(self.plan.tile)))
 
     def setup(self) -> None:
         """Run the passes that run once."""

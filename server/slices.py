@@ -12,7 +12,9 @@ from renderer.phone_compile.task import MODULE, task_of
 from server.compiled.kept import keep_listing
 from server.devices.registry import PHONE
 from server.pictures.taken import take_up
+from server.queue import ledger
 from server.queue.ledger import Claim
+from server.recommendations import asked_of
 from server.settings import Settings
 from server.store.blobs import Blobs
 from server.store.database import Database
@@ -20,6 +22,9 @@ from server.store.models import Device, Json
 
 AGENT_SHARE = 0.8
 """The part of a slice's time limit that one command of a phone's agent may take: it ends by itself, and says why."""
+
+RECOMMENDATION_SLICES = 8
+"""A recommendation, which holds its device as one slice, may take as long as so many."""
 
 
 class SliceRunner:
@@ -33,7 +38,9 @@ class SliceRunner:
         self.blobs = Blobs(settings.blobs)
 
     async def __call__(self, held: Claim, say: AsyncSay) -> Json:
-        """Measure one slice; the first round's pictures are blobs when this returns."""
+        """Measure one slice, or find a recommendation; the first round's pictures are blobs when this returns."""
+        if (query := asked_of(held.request)) is not None:
+            return await self._recommend(held, query, say)
         if held.round != 0:
             return await self._measure(held, say, None)
         with tempfile.TemporaryDirectory(prefix="rayfarm-pictures-", ignore_cleanup_errors=True) as name:
@@ -42,6 +49,27 @@ class SliceRunner:
             if held.request.get("gpus"):
                 return await asyncio.to_thread(keep_listing, measurement, self.blobs)
             return await asyncio.to_thread(take_up, measurement, folder, self.blobs)
+
+    async def _recommend(self, held: Claim, query: Json, say: AsyncSay) -> Json:
+        async def note(text: str) -> None:
+            await asyncio.to_thread(ledger.note, self.database, held, text)
+
+        task: Json = {"query": query}
+        module = "renderer.recommending"
+        if self._is_phone(held.device):
+            module = "server.devices.phone_recommending"
+            deadline_s = self.settings.slice_timeout_s * AGENT_SHARE
+            task |= {"serial": held.device, "via": self.settings.via, "deadline_s": deadline_s}
+        return await run_child_async(
+            module,
+            task,
+            held.request.get("threads", 1),
+            self.settings.slice_timeout_s * RECOMMENDATION_SLICES,
+            say,
+            note=note,
+            lease_s=self.settings.lease_s / 2,
+            has_lease=self.has_lease,
+        )
 
     async def _measure(self, held: Claim, say: AsyncSay, pictures: Path | None) -> Json:
         limit_s, lease_s = self.settings.slice_timeout_s, self.settings.lease_s

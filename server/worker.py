@@ -20,6 +20,7 @@ from server.queue import ledger, lives
 from server.queue.care import CARE_S, look_after
 from server.queue.durable import POOL, WORKFLOW, Durable, configuration, host_queue
 from server.queue.ledger import Claim
+from server.recommendations import asked_of
 from server.spoken import spoken
 from server.store.database import Database
 from server.store.models import Job, Json, Slice
@@ -124,7 +125,9 @@ class Worker:
         return await asyncio.to_thread(self._record, held, measurement)
 
     def _record(self, held: Claim, measurement: Json) -> str:
-        def combine(measurements: list[Json]) -> Json:
+        def combine(measurements: list[Json]) -> Json | None:
+            if asked_of(held.request) is not None:
+                return None  # A recommendation stays with its slice: its frames are no result to compare.
             return self.combine(Request.from_json(held.request), measurements)
 
         try:

@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from renderer.build.tree import SahCosts
 from server.problems import Problem
+from server.recommendations import ASKED
 from server.store.models import Job, Json, Study
 from server.study_axes import write_costs
 
@@ -62,7 +63,7 @@ def job_line(job: Job) -> dict[str, Any]:
         "started_at": iso(job.started_at),
         "finished_at": iso(job.finished_at),
         "url": f"/api/v1/jobs/{job.id}",
-        "page": f"/jobs/{job.id}",
+        "page": f"/recommend/{job.id}" if ASKED in job.request else f"/jobs/{job.id}",
     }
 
 

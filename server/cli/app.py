@@ -13,6 +13,7 @@ from server.cli import compare as cli_compare
 from server.cli import compile as cli_compile
 from server.cli import devices as cli_devices
 from server.cli import profile as cli_profile
+from server.cli import recommend as cli_recommend
 from server.cli import scenes as cli_scenes
 from server.cli import service as cli_service
 from server.cli import study as cli_study
@@ -32,7 +33,16 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for verbs in (
-    *(cli_bench, cli_compile, cli_study, cli_service, cli_submit, cli_compare, cli_devices, cli_scenes, cli_profile),
+    cli_bench,
+    cli_recommend,
+    cli_compile,
+    cli_study,
+    cli_service,
+    cli_submit,
+    cli_compare,
+    cli_devices,
+    cli_scenes,
+    cli_profile,
     cli_up,
     cli_tokens,
 ):

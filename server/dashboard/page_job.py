@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from fastapi import APIRouter, Request
-from fastapi.responses import Response
+from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
 
 from renderer.phone_compile.listing import KINDS
@@ -21,6 +21,7 @@ from server.dashboard.templates import render
 from server.dashboard.waiting import body_again, wait_of
 from server.profiles.formats import FORMATS
 from server.profiles.store import job_profiles, profile_view
+from server.recommendations import asked_of
 from server.series.frames import Series, read_series
 from server.store.models import Job, Profile
 from server.store.states import OPEN
@@ -38,6 +39,8 @@ def job_page(job_id: str, request: Request) -> Response:
     with database_of(request).reading() as session:
         found = find_job(session, job_id)
         job = job_view(found)
+        if asked_of(found.request) is not None:
+            return RedirectResponse(job["page"], 303)
         context = {
             "job": job,
             "after": max((change.id for change in found.changes), default=0),

@@ -33,9 +33,7 @@ ON_OFF = {"specialise": tuple(SWITCH)}
 def submit_page(request: Request) -> Response:
     """A form for a study."""
     with database_of(request).reading() as session:
-        known = session.scalars(select(Device).where(Device.kind != PAIRING).order_by(Device.id)).all()
-        devices = [{"id": LLVMPIPE, "detail": "any host that has it"}]
-        devices += [{"id": device.id, "detail": "" if ready(device) else "not ready: jobs wait"} for device in known]
+        devices = known_devices(session)
         studies = [_named(session, name) for name in STUDIES]
     context = {
         "devices": devices,
@@ -48,6 +46,13 @@ def submit_page(request: Request) -> Response:
         "checks": CHECKS,
     }
     return render(request, "submit.html", context)
+
+
+def known_devices(session: Session) -> list[dict[str, str]]:
+    """The devices that a form offers, each with a word about it."""
+    known = session.scalars(select(Device).where(Device.kind != PAIRING).order_by(Device.id)).all()
+    devices = [{"id": LLVMPIPE, "detail": "any host that has it"}]
+    return devices + [{"id": one.id, "detail": "" if ready(one) else "not ready: jobs wait"} for one in known]
 
 
 def _named(session: Session, name: str) -> dict[str, Any]:

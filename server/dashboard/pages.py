@@ -18,6 +18,7 @@ from server.dashboard import (
     page_job,
     page_login,
     page_pictures,
+    page_recommend,
     page_report,
     page_scenes,
     page_studies,
@@ -42,6 +43,7 @@ def install(app: FastAPI) -> None:
         page_submit,
         page_devices,
         page_pictures,
+        page_recommend,
         page_scenes,
     ):
         app.include_router(page.router)

@@ -11,8 +11,8 @@ from server.devices.registry import PAIRING, DeviceError, find, is_ready, ready
 from server.queue.durable import POOL, Durable, host_queue
 from server.store.database import Database
 from server.store.defaults import LLVMPIPE
-from server.store.models import Device, Job, Slice
-from server.store.records import Order, add_jobs, change_state
+from server.store.models import Device, Job, Json, Slice
+from server.store.records import Order, add_jobs, add_single, change_state
 from server.store.states import HELD, OPEN
 
 Target = tuple[str, str | None]
@@ -28,6 +28,16 @@ def submit(
     slices = add_jobs(session, orders, priority=priority, study_id=study_id)
     put_slices(session, durable, slices)
     return list(dict.fromkeys(part.job for part in slices))
+
+
+def submit_recommendation(
+    session: Session, durable: Durable, scene: str, label: str, request: Json, device: str, priority: int
+) -> Job:
+    """Add a job of one slice with a request of its own and enqueue it; raise DeviceError for a device not known."""
+    require_device(session, device)
+    slices = add_single(session, scene, label, request, device, priority)
+    put_slices(session, durable, slices)
+    return slices[0].job
 
 
 def require_device(session: Session, device: str) -> None:

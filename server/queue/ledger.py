@@ -26,7 +26,8 @@ MAX_ATTEMPTS = 20
 BACK_OFF_S = 2.0
 MAX_BACK_OFF_S = 60.0
 
-Combine = Callable[[list[Json]], Json]
+Combine = Callable[[list[Json]], Json | None]
+"""A job's result from the measurements of all its rounds; None where they are no result to compare."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,15 @@ def enter(database: Database, held: Claim, phase: State) -> bool:
         return True
 
 
+def note(database: Database, held: Claim, text: str) -> None:
+    """Note in a job's history what is done just now."""
+    with database.writing() as session:
+        job = session.get_one(Job, held.job_id, with_for_update=True)
+        part = session.get_one(Slice, held.slice_id)
+        if job.state in HELD and part.worker == held.worker and part.attempts == held.attempt:
+            change_state(session, job, job.state, text)
+
+
 def record(database: Database, held: Claim, measurement: Json, combine: Combine) -> bool:
     """Record a slice's measurement, and with the last one the job's result; False when it is no longer held."""
     with database.writing() as session:
@@ -86,7 +96,9 @@ def record(database: Database, held: Claim, measurement: Json, combine: Combine)
             return True
         if all(part.state == "done" for part in job.slices):
             parts = session.scalars(select(Slice.measurement).where(Slice.job_id == job.id).order_by(Slice.round))
-            add_result(session, job, combine([cast(Json, part) for part in parts]))
+            document = combine([cast(Json, part) for part in parts])
+            if document is not None:
+                add_result(session, job, document)
             job.finished_at = now()
             change_state(session, job, "done")
         elif not show_if_waiting(session, job):

@@ -55,6 +55,20 @@ def add_jobs(
     return slices
 
 
+def add_single(
+    session: Session, scene: str, label: str, request: dict[str, Any], device: str, priority: int
+) -> list[Slice]:
+    """Add a job of one slice that is no variant's measurement, and return the slice."""
+    job = Job(scene=scene, label=label, request=request, device=device, priority=priority, created_at=now())
+    session.add(job)
+    session.flush()
+    session.add(Change(job_id=job.id, state="queued", at=job.created_at))
+    part = Slice(job=job, round=0)
+    session.add(part)
+    session.flush()
+    return [part]
+
+
 def change_state(session: Session, job: Job, state: State, reason: str | None = None) -> None:
     """Set a job's state and note when and why."""
     job.state, job.reason = state, reason

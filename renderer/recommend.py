@@ -1,0 +1,319 @@
+"""Names the fastest variant within budgets: a pilot by successive halving, then a confirmation at the size asked for.
+
+Successive halving (Jamieson and Talwalkar, Non-stochastic Best Arm Identification and Hyperparameter Optimization,
+2016) gives each rung about the same time: at most the slower half goes, and those that stay are measured on twice the
+pixels. Nobody goes who is not clearly slower than the fastest that keeps the budgets. Every round measures all that are
+left, one after the other, and only ratios within a round count. This file knows nothing of devices: whoever calls it
+measures.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from statistics import NormalDist, variance
+
+from renderer.difference import NEGLIGIBLE, share_interval
+from renderer.interval import CONFIDENCE, median
+from renderer.paired import Ratio, paired_ratio
+
+Size = tuple[int, int]
+
+PILOT_SHARE = 1 / 16
+"""The pilot's first rung has this share of the pixels, and the last at most MOST_SHARE."""
+MOST_SHARE = 1 / 4
+LEAST_PIXELS = 128 * 128
+PILOT_ROUNDS = 3
+FINALISTS = 3
+ROUNDS = 8
+"""Rounds of the confirmation: enough for an interval of two comparisons that hold together with 95 % confidence."""
+
+MARGIN = 0.10
+"""Small images rank variants a little otherwise than large ones: in the slower half, past this is clearly slower."""
+FAR = 0.5
+"""Clearly slower by more than this goes from the faster half, too."""
+TIE = NEGLIGIBLE / 2
+"""Of those that cannot be told apart from the fastest and are estimated within this, the smallest is picked."""
+LEAST_NOISE = 0.005
+_Z = NormalDist().inv_cdf(0.99)
+_Z_SHOWN = NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
+_MEDIAN_TO_MEAN = 1.2533
+"""The standard error of a median over that of a mean, for normal noise."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A variant that can be measured; `memory` is its buffers in bytes."""
+
+    label: str
+    memory: int
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The wrong rays as a fraction of `rays`."""
+
+    wrong: float
+    rays: int
+
+
+Measure = Callable[[Sequence[str], Size], Mapping[str, float | str]]
+"""One round: each label's time in seconds, or in a sentence why it could not run. The order is the order to run in."""
+Judge = Callable[[str, Size], Judged | str]
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What a recommendation keeps to: the image, the largest fraction of wrong rays, and of bytes (None: any)."""
+
+    size: Size
+    error: float = 1e-3
+    memory: int | None = None
+    rounds: int = ROUNDS
+    seed: int = 1
+
+
+@dataclass(frozen=True)
+class Eliminated:
+    """Who left the pilot, or was not confirmed: its time over `leader`'s with a 95 % interval, at `size`."""
+
+    label: str
+    leader: str
+    ratio: float
+    low: float
+    high: float
+    size: Size
+    rounds: int
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One rung of the pilot."""
+
+    size: Size
+    measured: int
+    kept: int
+    rounds: int
+
+
+@dataclass(frozen=True)
+class Finalist:
+    """One that was confirmed at the full size; `seconds` is its median time, `ratio` its time over the pick's."""
+
+    label: str
+    memory: int
+    seconds: float
+    judged: Judged
+    ratio: Ratio
+
+
+@dataclass
+class Verdict:
+    """What came of it, the pick first among the `finalists`; no finalist where nothing keeps the budgets and runs.
+
+    `confidence` is that of each finalist's interval, such that all hold together with 95 %. `eliminated` were clearly
+    slower; `unconfirmed` were left at the end of the pilot without being told apart from those that were confirmed.
+    """
+
+    finalists: list[Finalist] = field(default_factory=list)
+    confidence: float = CONFIDENCE
+    fastest: str | None = None
+    rungs: list[Rung] = field(default_factory=list)
+    eliminated: list[Eliminated] = field(default_factory=list)
+    unconfirmed: list[Eliminated] = field(default_factory=list)
+    over_memory: dict[str, int] = field(default_factory=dict)
+    over_error: dict[str, Judged] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def pick(self) -> Finalist | None:
+        """The variant to take."""
+        return self.finalists[0] if self.finalists else None
+
+
+def recommend(
+    candidates: Sequence[Candidate], measure: Measure, judge: Judge, terms: Terms, tell: Tell = lambda _: None
+) -> Verdict:
+    """Find the fastest candidate that keeps the terms; labels are unique."""
+    return _Search(candidates, measure, judge, terms, tell).run()
+
+
+class _Search:
+    def __init__(
+        self, candidates: Sequence[Candidate], measure: Measure, judge: Judge, terms: Terms, tell: Tell
+    ) -> None:
+        self.memory = {one.label: one.memory for one in candidates}
+        self.measure, self.judge, self.terms, self.tell = measure, judge, terms, tell
+        self.chance = random.Random(terms.seed)
+        self.verdict = Verdict()
+
+    def run(self) -> Verdict:
+        found, most = self.verdict, self.terms.memory
+        found.over_memory = {label: n for label, n in self.memory.items() if most is not None and n > most}
+        alive = [label for label in self.memory if label not in found.over_memory]
+        standing: dict[str, Eliminated] = {}
+        for size in pilot_sizes(self.terms.size):
+            if len(alive) <= FINALISTS:
+                break
+            alive, standing = self._rung(alive, size)
+        self._confirm(alive, standing)
+        return found
+
+    # The pilot
+
+    def _rung(self, alive: Sequence[str], size: Size) -> tuple[list[str], dict[str, Eliminated]]:
+        """Who is left after one rung, the fastest first, and how each of them stood."""
+        self.tell(f"{len(alive)} variants at {size[0]}x{size[1]}")
+        times = self._rounds(alive, size, PILOT_ROUNDS)
+        standing = Standing(times)
+        half = max(FINALISTS, math.ceil(len(times) / 2))
+        kept: list[str] = []
+        for label in standing.order:
+            leader = kept[0] if kept else None
+            if leader is not None:
+                margin = MARGIN if len(kept) >= half else FAR
+                if standing.is_slower(label, leader, margin):
+                    self.verdict.eliminated.append(standing.against(label, leader, size))
+                    continue
+            if self._passes(label, size, clearly=True):
+                kept.append(label)
+        self.verdict.rungs.append(Rung(size, len(alive), len(kept), PILOT_ROUNDS))
+        return kept, {label: standing.against(label, kept[0], size) for label in kept}
+
+    def _rounds(self, labels: Sequence[str], size: Size, count: int) -> dict[str, list[float]]:
+        """Times of those that ran in every round."""
+        times: dict[str, list[float]] = {label: [] for label in labels}
+        for _ in range(count):
+            order = list(times)
+            self.chance.shuffle(order)
+            for label, outcome in self.measure(order, size).items():
+                if isinstance(outcome, str):
+                    self.verdict.failed[label] = outcome
+                    times.pop(label)
+                else:
+                    times[label].append(outcome)
+        return times
+
+    def _passes(self, label: str, size: Size, *, clearly: bool) -> bool:
+        """Whether a variant keeps the error budget; with `clearly`, one that may keep it on more rays does."""
+        outcome = self.judge(label, size)
+        if isinstance(outcome, str):
+            self.verdict.failed[label] = outcome
+            return False
+        least = outcome.wrong
+        if clearly and outcome.rays:
+            least = share_interval(round(outcome.wrong * outcome.rays), outcome.rays)[0]
+        if least <= self.terms.error:
+            return True
+        self.verdict.over_error[label] = outcome
+        return False
+
+    # The confirmation
+
+    def _confirm(self, alive: Sequence[str], standing: Mapping[str, Eliminated]) -> None:
+        """Measure the first of those that are left side by side at the full size."""
+        chosen: list[str] = []
+        judged: dict[str, Judged] = {}
+        waiting = list(alive)
+        while waiting and len(chosen) < FINALISTS:
+            label = waiting.pop(0)
+            self.tell(f"judging {label} at {self.terms.size[0]}x{self.terms.size[1]}")
+            outcome = self.judge(label, self.terms.size)
+            if isinstance(outcome, str):
+                self.verdict.failed[label] = outcome
+            elif outcome.wrong > self.terms.error:
+                self.verdict.over_error[label] = outcome
+            else:
+                chosen.append(label)
+                judged[label] = outcome
+        self.tell(f"{len(chosen)} variants at {self.terms.size[0]}x{self.terms.size[1]}")
+        times = self._rounds(chosen, self.terms.size, self.terms.rounds) if chosen else {}
+        if not times and waiting:
+            self._confirm(waiting, standing)
+            return
+        self.verdict.unconfirmed = [standing[label] for label in waiting if label in standing]
+        if times:
+            self._decide(times, judged)
+
+    def _decide(self, times: Mapping[str, list[float]], judged: Mapping[str, Judged]) -> None:
+        found = self.verdict
+        found.confidence = 1 - (1 - CONFIDENCE) / max(1, len(times) - 1)
+        fastest = min(times, key=lambda label: median([math.log(time) for time in times[label]]))
+        near = [fastest]
+        for label in times:
+            ratio = paired_ratio(times[fastest], times[label], found.confidence)
+            if label != fastest and not ratio.told_apart and ratio.ratio <= 1 + TIE:
+                near.append(label)
+        pick = min(near, key=lambda label: (self.memory[label], label != fastest))
+        finalists = [
+            Finalist(
+                label,
+                self.memory[label],
+                median(times[label]),
+                judged[label],
+                paired_ratio(times[pick], times[label], found.confidence),
+            )
+            for label in times
+        ]
+        found.fastest = fastest
+        found.finalists = sorted(finalists, key=lambda one: (one.label != pick, one.ratio.ratio))
+
+
+class Standing:
+    """How variants stand to each other after a few rounds that each measured all of them.
+
+    A round's and a variant's log time add up, but for noise of one size for all: three rounds of one variant alone
+    could not tell it, so it is the median of all variants' standard deviations over the rounds, which neighbours that
+    disturb a round of some of them hardly change.
+    """
+
+    def __init__(self, times: Mapping[str, Sequence[float]]) -> None:
+        """Fit the times, (rounds,) each."""
+        logs = {label: [math.log(time) for time in own] for label, own in times.items()}
+        self.rounds = min((len(own) for own in logs.values()), default=0)
+        rounds = range(self.rounds)
+        typical = {label: median(own) for label, own in logs.items()}
+        drift = [median([own[i] - typical[label] for label, own in logs.items()]) for i in rounds]
+        self.steady = {label: [own[i] - drift[i] for i in rounds] for label, own in logs.items()}
+        self.level = {label: median(own) for label, own in self.steady.items()}
+        self.order = sorted(self.level, key=self.level.__getitem__)
+        free = self.rounds - 1
+        noise = 0.0
+        if free > 0:
+            # The median of a chi-squared variable, by Wilson and Hilferty's approximation.
+            typical_variance = (1 - 2 / (9 * free)) ** 3
+            noise = math.sqrt(median([variance(own) for own in self.steady.values()]) / typical_variance)
+            # The drift was fitted, too.
+            noise *= math.sqrt(len(logs) / max(1, len(logs) - 1))
+        # The error of the difference of two medians over the rounds.
+        self.error = max(LEAST_NOISE, noise) * _MEDIAN_TO_MEAN * math.sqrt(2 / max(1, self.rounds))
+
+    def is_slower(self, label: str, leader: str, margin: float) -> bool:
+        """Whether it is slower by more than `margin`: with 99 % confidence, and in every round.
+
+        The latter is for neighbours that disturbed most rounds of one variant.
+        """
+        shift, least = self.level[label] - self.level[leader], math.log1p(margin)
+        pairs = zip(self.steady[label], self.steady[leader], strict=True)
+        return shift - _Z * self.error > least and all(mine - theirs > least for mine, theirs in pairs)
+
+    def against(self, label: str, leader: str, size: Size) -> Eliminated:
+        """The ratio to the leader with its 95 % interval."""
+        shift, reach = self.level[label] - self.level[leader], _Z_SHOWN * self.error
+        low, high = math.exp(shift - reach), math.exp(shift + reach)
+        return Eliminated(label, leader, math.exp(shift), low, high, size, self.rounds)
+
+
+def pilot_sizes(size: Size) -> list[Size]:
+    """The sizes of the pilot's rungs: of the same shape, each with twice the pixels of the one before."""
+    sizes: list[Size] = []
+    share = PILOT_SHARE
+    while True:
+        scale = math.sqrt(min(1.0, max(share, LEAST_PIXELS / (size[0] * size[1]))))
+        sizes.append((max(1, round(size[0] * scale)), max(1, round(size[1] * scale))))
+        if share >= MOST_SHARE:
+            return [*sizes, sizes[-1]]
+        share *= 2
