@@ -13,6 +13,7 @@ from prometheus_client.exposition import CONTENT_TYPE_LATEST
 from prometheus_client.registry import Collector
 from sqlalchemy import func, select
 from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from server.api.state import database_of
 from server.devices.registry import PAIRING, ready
@@ -34,8 +35,8 @@ class FarmCollector(Collector):
     def collect(self) -> Iterator[Metric]:
         """The farm's gauges: any server of a farm gives the same, and old jobs may be removed."""
         with self._database.reading() as session:
-            jobs = dict(session.execute(select(Job.state, func.count()).group_by(Job.state)).tuples().all())
-            slices = dict(session.execute(select(Slice.state, func.count()).group_by(Slice.state)).tuples().all())
+            jobs = _counts(session, Job.state)
+            slices = _counts(session, Slice.state)
             results = session.scalar(select(func.count(Result.id))) or 0
             recent = Worker.beat_at > now() - self._lease
             alive = select(func.count(Worker.id)).where(Worker.ended_at.is_(None), Worker.reaped_at.is_(None), recent)
@@ -67,6 +68,11 @@ def metrics(request: Request) -> Response:
     except SQLAlchemyError as error:
         raise Problem(503, "The database does not answer.") from error
     return Response(text, media_type=CONTENT_TYPE_LATEST)
+
+
+def _counts(session: Session, state: InstrumentedAttribute[State]) -> dict[State, int]:
+    """How many rows are in each state."""
+    return {found: count for found, count in session.execute(select(state, func.count()).group_by(state))}
 
 
 def _by_state(name: str, text: str, counts: Mapping[State, int]) -> GaugeMetricFamily:
