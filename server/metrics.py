@@ -72,7 +72,8 @@ def metrics(request: Request) -> Response:
 
 def _counts(session: Session, state: InstrumentedAttribute[State]) -> dict[State, int]:
     """How many rows are in each state."""
-    return {found: count for found, count in session.execute(select(state, func.count()).group_by(state))}
+    rows = session.execute(select(state, func.count()).group_by(state))
+    return {row[0]: row[1] for row in rows}
 
 
 def _by_state(name: str, text: str, counts: Mapping[State, int]) -> GaugeMetricFamily:
