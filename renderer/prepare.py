@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 from renderer.build.api import Builder, build
 from renderer.build.tree import Bvh, SahCosts, Tree
@@ -60,5 +61,4 @@ def build_tree(scene: Scene, request: Request) -> Built:
     kind = request.variant.structure
     if kind == "none":
         return None, None
-    builder: Builder = "median" if request.variant.builder == "median" else "sah"
-    return build(scene.key, scene.triangles, kind, builder, request.costs)
+    return build(scene.key, scene.triangles, kind, cast(Builder, request.variant.builder), request.costs)

@@ -58,7 +58,7 @@ AXES: dict[str, tuple[str, ...]] = {
     "nodes": ("f32", "grid16", "half"),
     "precision": ("highp", "mediump"),
     "offset": ("constant", "bounded"),
-    "builder": ("sah", "median"),
+    "builder": ("sah", "median", "reinserted", "sbvh", "sbvh-reinserted"),
 }
 
 CONSERVATIVE_NODES = ("f32", "grid16")
@@ -132,8 +132,8 @@ def refusal(variant: Variant, rays: str = "both") -> str | None:
         return "hybrid rasterises what the eye sees and casts no primary rays: time shadow or both."
     if variant.method == "hybrid" and variant.offset == "bounded":
         return "hybrid knows a depth and not the triangle that bounds its error: leave the offset at constant."
-    if structure == "kd" and variant.builder == "median":
-        return "median is a BVH builder: a KD-tree is built with sah."
+    if structure == "kd" and variant.builder != "sah":
+        return f"{variant.builder} is a BVH builder: a KD-tree is built with sah."
     if structure == "none" and variant.builder != "sah":
         return "brute-force has no structure to build: leave the builder at sah."
     if structure == "none" and variant.box != "widened":

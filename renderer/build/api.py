@@ -5,17 +5,22 @@ from __future__ import annotations
 import math
 import time
 from functools import lru_cache
+from typing import Literal, get_args
 
 import numpy as np
 
-from renderer.build.bvh import BvhMethod, build_bvh
+from renderer.build.bvh import build_bvh
 from renderer.build.cache import Kind, cached
 from renderer.build.errors import BuildError as BuildError
 from renderer.build.kd import build_kd
 from renderer.build.pad import padded
+from renderer.build.refined import REFINEMENTS, build_refined
 from renderer.build.tree import Floats, SahCosts, Tree
 
-Builder = BvhMethod
+Builder = Literal["sah", "median", "reinserted", "sbvh", "sbvh-reinserted"]
+"""How a BVH is built; a KD-tree is built by `sah` alone."""
+
+BUILDERS: tuple[Builder, ...] = get_args(Builder)
 
 
 def build(
@@ -24,7 +29,8 @@ def build(
     """The structure over `triangles` (m, 3, 3) float32, and its build time in CPU milliseconds, compilation excluded.
 
     `scene_key` names the triangles by content (Scene.key). A KD-tree is built over padded boxes. Raises BuildError
-    for no triangles, coordinates or costs that are not finite, negative costs, and a KD-tree by median split.
+    for no triangles, coordinates or costs that are not finite, negative costs, and a KD-tree by
+    another builder than `sah`.
     """
     costs = costs or SahCosts()
     _check(triangles, kind, builder, costs)
@@ -32,21 +38,25 @@ def build(
 
 
 def _timed_build(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts) -> tuple[Tree, float]:
-    compile_builder(kind)
-    start = time.thread_time()
+    compile_builder(kind, builder)
+    start = time.process_time()
     tree = _build(triangles, kind, builder, costs)
-    return tree, (time.thread_time() - start) * 1000.0
+    return tree, (time.process_time() - start) * 1000.0
 
 
 def _build(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts) -> Tree:
     boxes = bounds(triangles)
-    return build_kd(padded(boxes), costs) if kind == "kd" else build_bvh(boxes, costs, builder)
+    if kind == "kd":
+        return build_kd(padded(boxes), costs)
+    if builder in REFINEMENTS:
+        return build_refined(boxes, costs, REFINEMENTS[builder])
+    return build_bvh(boxes, costs, "median" if builder == "median" else "sah")
 
 
 @lru_cache
-def compile_builder(kind: Kind) -> None:
-    """Builds one triangle, so that what is timed next is compiled."""
-    _build(np.eye(3, dtype=np.float32)[np.newaxis], kind, "sah", SahCosts())
+def compile_builder(kind: Kind, builder: Builder = "sah") -> None:
+    """Builds four triangles, so that what is timed next is compiled."""
+    _build(np.eye(3, dtype=np.float32) + np.arange(4, dtype=np.float32)[:, None, None], kind, builder, SahCosts())
 
 
 def bounds(triangles: Floats) -> Floats:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class Ready:
             return None
         if self.case.chain and kind == "bvh":
             return self._chain
-        builder: Builder = "median" if variant.builder == "median" else "sah"
+        builder = cast(Builder, variant.builder)
         if (kind, builder) not in self._trees:
             self._trees[kind, builder] = build(self.scene.key, self.scene.triangles, kind, builder)[0]
         return self._trees[kind, builder]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -64,7 +64,7 @@ def prepared(scene: Scene, variant: Variant, size: tuple[int, int], **options: A
     request = Request(scene.name, variant, size, **options)
     tree = None
     if variant.structure != "none":
-        builder: Builder = "median" if variant.builder == "median" else "sah"
+        builder = cast(Builder, variant.builder)
         tree = tree_of(scene, variant.structure, builder, request.costs)
     return Prepared(request, scene, tree, None, pack(scene, tree, request))
 
