@@ -26,6 +26,7 @@ WRITES: dict[tuple[str, str], Scope] = {
     ("POST", "/api/v1/studies"): "submit",
     ("POST", "/api/v1/studies/plan"): "read",
     ("POST", "/api/v1/studies/{study_id}/cancel"): "submit",
+    ("POST", "/api/v1/recommendations"): "submit",
     ("POST", "/api/v1/hard-cases"): "submit",
     ("POST", "/api/v1/recommendations"): "submit",
     ("POST", "/api/v1/devices"): "worker",
