@@ -28,7 +28,6 @@ WRITES: dict[tuple[str, str], Scope] = {
     ("POST", "/api/v1/studies/{study_id}/cancel"): "submit",
     ("POST", "/api/v1/recommendations"): "submit",
     ("POST", "/api/v1/hard-cases"): "submit",
-    ("POST", "/api/v1/recommendations"): "submit",
     ("POST", "/api/v1/devices"): "worker",
     ("POST", "/api/v1/devices/pair"): "worker",
     ("POST", "/api/v1/devices/{device_id}/clear"): "worker",
