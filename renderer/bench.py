@@ -101,6 +101,7 @@ def combine(request: Request, measurements: list[dict[str, Any]]) -> Result:
         "primitive_bytes": first["primitive_bytes"],
         "build_ms": first["build_ms"],
         "compile_ms": first["compile_s"] * 1e3,
+        "phases_ms": _phases(measurements),
         "per_ray": _per_ray(first["per_ray"]),
         "overflows": 0,
         "answers_sha": first.get("answers_sha"),
@@ -118,6 +119,15 @@ def combine(request: Request, measurements: list[dict[str, Any]]) -> Result:
 
 def _rays_timed(request: Request, rays: dict[str, int]) -> int:
     return (0 if request.rays == "shadow" else rays["primary"]) + (0 if request.rays == "primary" else rays["shadow"])
+
+
+def _phases(measurements: list[dict[str, Any]]) -> dict[str, float] | None:
+    """The milliseconds of each phase over all rounds; None where a round does not tell."""
+    told = [measurement.get("phases_ms") for measurement in measurements]
+    if not all(told):
+        return None
+    names = dict.fromkeys(name for phases in told if phases for name in phases)
+    return {name: sum(phases.get(name, 0.0) for phases in told if phases) for name in names}
 
 
 def _per_ray(counts: dict[str, float] | None) -> dict[str, float | None]:

@@ -38,10 +38,6 @@ from scenes.load import load
 
 MOST_BYTES = 2 << 30
 """The bytes of packed buffers that are kept; variants that were not used for longest are packed again."""
-LEAST_S = 0.01
-"""A round measures a variant for about this long, by at most MOST_FRAMES frames: short frames are disturbed easily."""
-MOST_FRAMES = 2
-
 TELL_S = 3.0
 """How often it is told what is prepared."""
 
@@ -85,7 +81,6 @@ class Pilot:
         self._arrays: WeakValueDictionary[str, Array] = WeakValueDictionary()
         self._digests: dict[int, tuple[ref[Array], str]] = {}
         self._plans: dict[str, Plan] = {}
-        self._seconds: dict[str, tuple[int, float]] = {}
         self._oracle: Oracle | None = None
         self._referee: Bvh | None = None
 
@@ -111,11 +106,8 @@ class Pilot:
                 found.append(Candidate(label, ready.packed.structure_bytes + ready.packed.primitives.nbytes))
         return found
 
-    def measure(self, labels: Sequence[str], size: Size, frames: int | None = None) -> Mapping[str, float | str]:
-        """One round in the order given: seconds a frame, processor time where one thread of this machine is the GPU.
-
-        `frames` are as many as it takes for LEAST_S where they are not given.
-        """
+    def measure(self, labels: Sequence[str], size: Size, frames: int = 1) -> Mapping[str, float | str]:
+        """One round in the order given: seconds a frame, processor time where one thread of this machine is the GPU."""
         return {label: _spoken(partial(self._time, label, size, frames)) for label in labels}
 
     def judge(self, label: str, size: Size) -> Judged | str:
@@ -164,10 +156,8 @@ class Pilot:
         if plan is not None and isinstance(self.host, KeptTwins):
             self.host.forget(plan)
 
-    def _time(self, label: str, size: Size, wanted: int | None) -> float:
+    def _time(self, label: str, size: Size, frames: int) -> float:
         plan = self._plan(label, size)
-        pixels = size[0] * size[1]
-        frames = wanted or self._frames(label, pixels)
         with holding(self.host.lock):
             begun = time.perf_counter()
             timed = self.host.measure(plan, frames, lambda: None)
@@ -176,14 +166,7 @@ class Pilot:
         self.frames += frames
         self.took_s["measuring"] += sum(timed.frames.wall)
         self.took_s["compiling"] += max(0.0, took - sum(timed.frames.wall))
-        seconds = self._figure(timed.frames)
-        self._seconds[label] = (pixels, seconds)
-        return seconds
-
-    def _frames(self, label: str, pixels: int) -> int:
-        known = self._seconds.get(label)
-        expected = LEAST_S if known is None else known[1] * pixels / known[0]
-        return min(MOST_FRAMES, max(1, round(LEAST_S / max(expected, 1e-6))))
+        return self._figure(timed.frames)
 
     def _figure(self, frames: Frames) -> float:
         """The fastest in processor time, to which neighbours only ever add; else the median."""

@@ -28,6 +28,7 @@ from renderer.instrumented import records_of, refuse_cut
 from renderer.locks import holding, machine_lock
 from renderer.models import run_models
 from renderer.oracle import Oracle
+from renderer.phases import Phases, process_age_s
 from renderer.pictures import write_pictures
 from renderer.plan import VERSION, Plan
 from renderer.planner import in_passes
@@ -41,28 +42,41 @@ Measurement = dict[str, Any]
 
 
 def measure(
-    request: Request, round_index: int, host: Host, say: Say = silent, pictures: Path | None = None
+    request: Request,
+    round_index: int,
+    host: Host,
+    say: Say = silent,
+    pictures: Path | None = None,
+    *,
+    fresh: bool = False,
 ) -> Measurement:
     """Measure one round on `host`: counters and errors in the first round, frame times in each.
 
     `say` is told each phase: `waiting` for a lock, `preparing`, `running`, `judging`. Our own heavy work holds this
     machine's lock, the run holds the device's. The first round's pictures go into the folder `pictures`.
+    `fresh` tells that this process was started for this round: its start counts then.
     """
+    starting_s = process_age_s() if fresh else None
     started = datetime.now(UTC).isoformat(timespec="seconds")
-    with _phase("preparing", machine_lock(), say):
-        ready = _make_ready(request, round_index, host)
-    with _phase("running", host.lock, say):
+    phases = Phases()
+    with _phase("preparing", machine_lock(), say, phases):
+        ready = _make_ready(request, round_index, host, phases)
+    with _phase("running", host.lock, say, phases):
         device = host.device()
-        records = _records(ready, host)
+        with phases.timed("collecting"):
+            records = _records(ready, host)
         against = _against(ready, records)
         embree: list[float] = []
         if against is not None:
             against()
-        timed = host.measure(
-            ready.timed,
-            _frames_of(request, round_index),
-            lambda: embree.append(against()) if against is not None else None,
-        )
+        with phases.timed("measuring"):
+            timed = host.measure(
+                ready.timed,
+                _frames_of(request, round_index),
+                lambda: embree.append(against()) if against is not None else None,
+            )
+        phases.add("compiling", timed.compile_s)
+        phases.add("measuring", -timed.compile_s)
         refuse_cut(int((timed.image[..., 3] == 0).sum()))
     measurement: Measurement = {
         "round": round_index,
@@ -76,15 +90,17 @@ def measure(
     }
     if round_index == 0:
         assert records is not None
-        with _phase("judging", machine_lock(), say):
-            measurement |= _facts(ready.prepared, ready.timed, records) | {
-                "error": asdict(_judged(ready, records, timed.image))
-            }
-            if request.models:
-                _add_models(measurement, ready, records, host)
+        with _phase("judging", machine_lock(), say, phases):
+            with phases.timed("judging"):
+                errors = asdict(_judged(ready, records, timed.image))
+                measurement |= _facts(ready.prepared, ready.timed, records) | {"error": errors}
+                if request.models:
+                    _add_models(measurement, ready, records, host)
             if pictures is not None:
-                measurement["pictures"] = write_pictures(pictures, timed.image, _counts(ready.prepared, records))
-    return measurement
+                with phases.timed("pictures"):
+                    counts = _counts(ready.prepared, records)
+                    measurement["pictures"] = write_pictures(pictures, timed.image, counts)
+    return measurement | {"phases_ms": phases.total(starting_s)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,14 +113,17 @@ class _Ready:
     oracle: Oracle | None
 
 
-def _make_ready(request: Request, round_index: int, host: Host) -> _Ready:
-    prepared = prepare(request)
+def _make_ready(request: Request, round_index: int, host: Host, phases: Phases) -> _Ready:
+    with phases.timed("preparing"):
+        prepared = prepare(request)
     first, paced = round_index == 0, request.vs_embree and host.paces
     oracle = None
     if paced or (first and request.check != "none"):
-        oracle = Oracle(prepared.scene.vertices, prepared.scene.faces)
-    instrumented = prepared.plan(instrument=True) if first or paced else None
-    return _Ready(prepared, prepared.plan(instrument=False), instrumented, oracle)
+        with phases.timed("judging"):
+            oracle = Oracle(prepared.scene.vertices, prepared.scene.faces)
+    with phases.timed("preparing"):
+        instrumented = prepared.plan(instrument=True) if first or paced else None
+        return _Ready(prepared, prepared.plan(instrument=False), instrumented, oracle)
 
 
 def _records(ready: _Ready, host: Host) -> Records | None:
@@ -140,8 +159,10 @@ def _add_models(measurement: Measurement, ready: _Ready, records: Records, host:
 
 
 @contextmanager
-def _phase(name: str, lock: Path, say: Say) -> Iterator[None]:
+def _phase(name: str, lock: Path, say: Say, phases: Phases) -> Iterator[None]:
+    begun = time.perf_counter()
     with holding(lock, lambda: say("waiting")):
+        phases.wait(time.perf_counter() - begun)
         say(name)
         yield
 
@@ -221,7 +242,7 @@ def pictures_of(task: dict[str, Any]) -> Path | None:
 
 def _work(task: dict[str, Any], say: Say) -> Measurement:
     request = Request.from_json(task["request"])
-    return measure(request, task["round"], TwinHost(request.threads), say, pictures_of(task))
+    return measure(request, task["round"], TwinHost(request.threads), say, pictures_of(task), fresh=True)
 
 
 if __name__ == "__main__":

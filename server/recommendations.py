@@ -12,8 +12,8 @@ from typing import Any
 from renderer.build.tree import SahCosts
 from renderer.recommend import ROUNDS
 from renderer.recommend_query import ERROR_BUDGET, Query, make_query
-from renderer.variant import AXES, Variant
 from scenes.scene import Camera
+from server.considered import considered
 from server.scene_list import is_here, require_scene
 from server.store.models import Job, Json
 from server.studies import Study, plan_study
@@ -21,9 +21,6 @@ from server.study_axes import SETTINGS, StudyError, Words
 
 ASKED = "recommend"
 LABEL = "recommendation"
-FIXED = ("intersector", "box", "precision", "offset", "builder")
-"""Axes of which the default alone is considered unless others are asked for: they change what is computed, or how long
-a build takes. Of every other axis all values are."""
 
 
 @dataclass(frozen=True)
@@ -40,12 +37,6 @@ class Wanted:
     rounds: int = ROUNDS
     seed: int = 1
     camera: Camera | None = None
-
-
-def considered() -> dict[str, str]:
-    """The values of each axis that are considered where nothing else is asked for."""
-    usual = Variant().as_dict()
-    return {axis: usual[axis] if axis in FIXED else "all" for axis in AXES}
 
 
 def study_of(wanted: Wanted) -> Study:

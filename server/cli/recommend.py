@@ -12,12 +12,13 @@ from rich.console import Console
 from server.cli.axis_options import with_axes
 from server.cli.common import SOME_FAILED, Client, ClientError, make_console, print_json
 from server.cli.options import CameraOption, SahOption, SceneArgument, SizeOption
-from server.recommendations import Wanted, considered, query_of, study_of
+from server.considered import considered
 from server.store.defaults import LLVMPIPE
 
 if TYPE_CHECKING:
     from renderer.recommend_query import Query
     from server.cli.plan import Here
+    from server.recommendations import Wanted
 
 LIMIT_S = 4 * 3600.0
 Json = dict[str, Any]
@@ -64,6 +65,7 @@ def recommend(
     from renderer.recommend_query import read_bytes
     from renderer.request import parse_size
     from server.cli.plan import read_camera, read_costs
+    from server.recommendations import Wanted
 
     wanted = Wanted(
         scene,
@@ -95,6 +97,7 @@ def recommend(
 
 def _here(wanted: Wanted, threads: int, device: str | None, via: str, as_json: bool) -> Json:
     from server.cli.plan import plan_here
+    from server.recommendations import query_of, study_of
 
     here = plan_here(study_of(wanted), wanted.camera, threads)
     query = query_of(wanted, here.requests)

@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import timedelta
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 from rich.text import Text
-from sqlalchemy.orm import Session
 
 from server.cli.common import JsonFlag, make_console, print_json
-from server.store.models import Token
+
+if TYPE_CHECKING:
+    from sqlalchemy.orm import Session
+
+    from server.store.models import Token
 
 verbs = typer.Typer(help="Make, list and revoke API tokens.", no_args_is_help=True, rich_markup_mode=None)
 

@@ -13,10 +13,10 @@ from renderer.request import RAYS
 from renderer.variant import AXES
 from server.api.recommendations import find_recommendation, latest, recommendation_line, recommendation_view
 from server.api.state import database_of
+from server.considered import considered
 from server.dashboard.page_submit import known_devices
 from server.dashboard.templates import render
 from server.dashboard.waiting import wait_of
-from server.recommendations import considered
 from server.scene_list import list_scenes
 from server.store.states import OPEN
 

@@ -36,7 +36,7 @@ def run_phone_slice(
 
 def _work(task: dict[str, Any], say: Say) -> Measurement:
     host = AgentHost(task["serial"], task["via"], task["deadline_s"])
-    return measure(Request.from_json(task["request"]), task["round"], host, say, pictures_of(task))
+    return measure(Request.from_json(task["request"]), task["round"], host, say, pictures_of(task), fresh=True)
 
 
 if __name__ == "__main__":
