@@ -23,9 +23,9 @@ class Refinement:
 
 
 REFINEMENTS = {
-    "reinserted": Refinement(0.0, 40, 0.4),
+    "reinserted": Refinement(0.0, 20, 0.2),
     "sbvh": Refinement(1.0, 0, 0.0),
-    "sbvh-reinserted": Refinement(1.0, 40, 0.4),
+    "sbvh-reinserted": Refinement(1.0, 20, 0.2),
 }
 """The builders of this file by their names."""
 

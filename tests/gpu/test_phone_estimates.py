@@ -16,7 +16,8 @@ from renderer.variant import TRAVERSALS, Variant
 
 SIZE = (40, 32)
 """Work groups overhang neither side, and pixels miss the box."""
-CASES = [*((traversal, "fragment") for traversal in TRAVERSALS), ("kd-backtrack", "compute"), ("bvh-stack", "hybrid")]
+SINGLE = [name for name, row in TRAVERSALS.items() if not row.packet]
+CASES = [*((traversal, "fragment") for traversal in SINGLE), ("kd-backtrack", "compute"), ("bvh-stack", "hybrid")]
 
 
 def chain() -> ToolChain:
