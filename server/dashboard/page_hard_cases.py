@@ -10,6 +10,7 @@ from fastapi.responses import HTMLResponse, Response
 from server.api.state import database_of
 from server.dashboard.context import Option
 from server.dashboard.templates import render
+from server.guard import CSP, REPORT_POLICY
 from server.hard_cases.changes import find_changes
 from server.hard_cases.matrix import ALL, LOSSES, MOST_COLUMNS, View, axes_of, read_view
 from server.hard_cases.report import render_report
@@ -77,7 +78,7 @@ def report_page(run_id: str, request: Request) -> Response:
     with database_of(request).reading() as session:
         document = find_run(session, run_id).document
     headers = {"Content-Disposition": f'attachment; filename="rayfarm-hard-cases-{int(run_id)}.html"'}
-    return HTMLResponse(render_report(document), headers=headers)
+    return HTMLResponse(render_report(document), headers=headers | {CSP: REPORT_POLICY})
 
 
 @router.get("/{run_id}/families/{family:path}")

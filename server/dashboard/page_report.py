@@ -10,6 +10,7 @@ from fastapi.responses import HTMLResponse, Response
 from server.api.claims import study_results
 from server.api.profiles import blobs_of
 from server.api.state import database_of
+from server.guard import CSP, REPORT_POLICY
 from server.pictures.taken import is_name
 from server.store.blobs import BlobError, Blobs
 
@@ -32,7 +33,9 @@ def report_page(study_id: str, request: Request, download: bool = False) -> Resp
     links = None if download else Links(here, f"{here}/report?download=true")
     title = f"The paper's figures and claims: study {int(study_id)}, {name}"
     text, _ = render_report(documents, _reader(blobs_of(request)), links, title)
-    headers = {"Content-Disposition": f'attachment; filename="rayfarm-study-{int(study_id)}.html"'} if download else {}
+    headers = {CSP: REPORT_POLICY}
+    if download:
+        headers["Content-Disposition"] = f'attachment; filename="rayfarm-study-{int(study_id)}.html"'
     return HTMLResponse(text, headers=headers)
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from renderer.variant import AXES
+from renderer.variant import AXES, matrix
 from server.cli import app as cli
 from server.cli.plan import plan_here, slow_warning
 from server.studies import Study
@@ -327,7 +327,7 @@ BAD_HEATMAPS = {
         "all",
         "--layout",
         "all",
-    ): f"These are {9 * len(AXES['traversal'])} maps",
+    ): f"These are {len(matrix({axis: AXES[axis] for axis in ('traversal', 'method', 'layout')})[0])} maps",
 }
 
 

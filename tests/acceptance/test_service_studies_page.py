@@ -21,7 +21,7 @@ from service_fakes import HOST, Service, running_service
 from sqlalchemy import select
 
 from renderer.request import Request
-from renderer.variant import AXES, Variant
+from renderer.variant import AXES, matrix
 from server.devices.registry import see_twin
 from server.queue import lives
 from server.store.models import Job, Slice, now
@@ -196,7 +196,7 @@ def test_pages_fit_a_narrow_screen_and_name_their_controls(page: Chrome, service
 
 def add_large(service: Service, count: int) -> list[int]:
     """A study of many jobs on two scenes, straight into the store; its jobs' ids."""
-    variants = [Variant(traversal, method) for traversal in AXES["traversal"] for method in AXES["method"]]
+    variants = matrix({axis: AXES[axis] for axis in ("traversal", "method")})[0]
     scenes = ("cornell-box", HOSTILE)
     orders = [Order(Request(scenes[i * 2 // count], variants[i % len(variants)])) for i in range(count)]
     with service.database.writing() as session:
