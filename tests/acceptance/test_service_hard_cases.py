@@ -12,6 +12,7 @@ from browsing import running_browser
 from hard_case_documents import DEVICE, FAMILIES, study
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import WebDriverWait
 from selenium.webdriver.support.ui import Select, WebDriverWait
 from service_fakes import Service, running_service
 from typer.testing import CliRunner
@@ -78,6 +79,7 @@ def test_a_run_is_found_filtered_and_looked_into(page: Chrome, service: Service)
 def test_two_runs_are_held_against_each_other(page: Chrome, service: Service) -> None:
     page.get(f"{service.client.base_url}/hard-cases")
     page.find_element(By.XPATH, "//button[text()='Compare']").click()
+    WebDriverWait(page, 10).until(lambda p: "/difference" in p.current_url)
     text = page.find_element(By.TAG_NAME, "main").text
     for words in ("20 cells answer alike, 1 otherwise", "seed: 5 → 6", "NaN 0 → 3", "more broken"):
         assert words in text
