@@ -12,7 +12,6 @@ from browsing import running_browser
 from hard_case_documents import DEVICE, FAMILIES, study
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
-from selenium.webdriver.support.ui import WebDriverWait
 from selenium.webdriver.support.ui import Select, WebDriverWait
 from service_fakes import Service, running_service
 from typer.testing import CliRunner
