@@ -44,7 +44,18 @@ def address(service: Service) -> str:
 
 
 def test_submit_shows_progress_the_table_and_the_page(worked: Service, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ("submit", "cornell-box", "--traversal", "paper", "--builder", "all", "--frames", "2", "--size", "32")
+    words = (
+        "submit",
+        "cornell-box",
+        "--traversal",
+        "paper",
+        "--builder",
+        "sah,median",
+        "--frames",
+        "2",
+        "--size",
+        "32",
+    )
     code, out, err = rayfarm(capsys, *words, "--server", address(worked))
     assert (code, err) == (0, "")
     assert "Left out: median is a BVH builder" in out
