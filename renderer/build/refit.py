@@ -43,15 +43,16 @@ def depth_of(parent: Ints) -> int:
 @jit
 def sah_cost(lower: Floats, upper: Floats, is_leaf: Flags, count: Ints, traversal: float, intersection: float) -> float:
     """Sum over nodes of area / root area times the node's cost; where the root has no area every ratio is 1."""
-    total, root = 0.0, _half_area(lower, upper, 0)
+    total, root = 0.0, half_area(lower, upper, 0)
     for node in range(len(count)):
-        ratio = _half_area(lower, upper, node) / root if root > 0.0 else 1.0
+        ratio = half_area(lower, upper, node) / root if root > 0.0 else 1.0
         total += ratio * (intersection * count[node] if is_leaf[node] else traversal)
     return total
 
 
 @jit
-def _half_area(lower: Floats, upper: Floats, node: int) -> float:
+def half_area(lower: Floats, upper: Floats, node: int) -> float:
+    """Half the surface of a node's box, in float64."""
     x = np.float64(upper[node, 0]) - np.float64(lower[node, 0])
     y = np.float64(upper[node, 1]) - np.float64(lower[node, 1])
     z = np.float64(upper[node, 2]) - np.float64(lower[node, 2])
