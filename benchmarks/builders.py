@@ -1,17 +1,19 @@
-"""CPU seconds of the builders beside embreex's, interleaved in one run: `python -m benchmarks.builders [FILE ...]`.
+"""Builders beside embreex's, interleaved in one run: `python -m benchmarks.builders [SCENE ...]`.
 
-Without a file every mesh in the folders of RAYFARM_SCENES is measured, the largest last. A build starts from the
-triangles, as embreex's mesh object does: bounds, and padding for the KD-tree, are in it; compilation is not.
+Without a scene the catalogue's Sponza, Conference and Buddha are measured. A build starts from the triangles, as
+embreex's mesh object does: bounds, and padding for the KD-tree, are in it; compilation is not. Prints tables in
+Markdown: CPU seconds with one thread, their ratio to embreex's mesh and commit, wall seconds with one thread and with
+two, and what the trees are worth.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import resource
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -19,98 +21,97 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from renderer.build.api import bounds, compile_builder
-from renderer.build.bvh import build_bvh
-from renderer.build.kd import build_kd
-from renderer.build.pad import padded
-from renderer.build.tree import KD_LEAF, Bvh, Floats, SahCosts, Tree
+from renderer.build.api import BUILDERS, Builder, build_uncached, compile_builder
+from renderer.build.cache import Kind
+from renderer.build.epo import epo
+from renderer.build.tree import Bvh, SahCosts, Tree
 from scenes.load import load
-from scenes.places import folders
 from scenes.scene import Scene
 
-PAPER = SahCosts(3.0, 1.5)
-PLAIN = SahCosts(1.0, 1.0)
-Seconds = dict[str, float]
+COSTS = {"paper": SahCosts(3.0, 1.5), "plain": SahCosts(1.0, 1.0)}
+SCENES = ("crytek-sponza", "conference", "happy-buddha")
+THREADS = (1, 2)
+BUILDS: dict[str, tuple[Kind, Builder]] = {
+    **{f"bvh {builder}": ("bvh", builder) for builder in BUILDERS},
+    "kd sah": ("kd", "sah"),
+}
+Seconds = tuple[float, float]
+Round = dict[tuple[str, int], Seconds]
+"""Seconds are CPU and wall; a round has them by builder and threads."""
 
 
-def embree_seconds(given: Scene) -> Seconds:
-    """CPU seconds of embreex's mesh object, in its faster form, and of its commit, which the first ray sets off."""
-    start = time.process_time()
+def timed(task: Callable[[], Any]) -> tuple[Seconds, Any]:
+    wall, cpu = time.perf_counter(), time.process_time()
+    made = task()
+    return (time.process_time() - cpu, time.perf_counter() - wall), made
+
+
+def embree(given: Scene) -> None:
+    """embreex's mesh object, in its faster form, and its commit, which the first ray sets off."""
     scene = EmbreeScene()
     mesh = TriangleMesh(scene, given.vertices, given.faces)
-    made = time.process_time()
     scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
-    done = time.process_time()
     del mesh
-    return {"embreex mesh": made - start, "embreex commit": done - made}
 
 
-def make_bvh(triangles: Floats, costs: SahCosts) -> Tree:
-    return build_bvh(bounds(triangles), costs)
-
-
-def make_kd(triangles: Floats, costs: SahCosts) -> Tree:
-    return build_kd(padded(bounds(triangles)), costs)
-
-
-def seconds(task: Callable[[], Any]) -> float:
-    start = time.process_time()
-    task()
-    return time.process_time() - start
-
-
-def one_round(scene: Scene) -> Seconds:
+def one_round(scene: Scene, names: list[str], costs: SahCosts) -> tuple[Round, dict[str, Tree]]:
     """Everything once, in turn, so that drift of the machine hits all alike."""
-    triangles = scene.triangles
-    found = embree_seconds(scene)
-    found["bvh"] = seconds(partial(make_bvh, triangles, PAPER))
-    found["kd"] = seconds(partial(make_kd, triangles, PAPER))
-    return found
+    found: Round = {}
+    trees: dict[str, Tree] = {}
+    found["embreex", 1], _ = timed(partial(embree, scene))
+    for name in names:
+        for threads in THREADS:
+            os.environ["RAYFARM_BUILD_THREADS"] = str(threads)
+            found[name, threads], trees[name] = timed(partial(build_uncached, scene.triangles, *BUILDS[name], costs))
+    return found, trees
 
 
 def spread(values: list[float]) -> str:
-    return f"{min(values):8.3f} {median(values):8.3f} {max(values):8.3f}"
+    return f"{median(values):.2f} ({min(values):.2f}-{max(values):.2f})"
 
 
-def describe(tree: Tree, costs: SahCosts) -> str:
-    inner = int((tree.count == 0).sum()) if isinstance(tree, Bvh) else int((tree.axis != KD_LEAF).sum())
-    kind = "bvh" if isinstance(tree, Bvh) else "kd"
+def row(name: str, runs: list[Round], scene: Scene, tree: Tree, costs: SahCosts) -> str:
+    cpu = [run[name, 1][0] for run in runs]
+    ratio = [run[name, 1][0] / run["embreex", 1][0] for run in runs]
+    faster = [run[name, 1][1] / run[name, 2][1] for run in runs]
+    wall = [median(run[name, threads][1] for run in runs) for threads in THREADS]
+    overlap = f"{epo(tree, scene.triangles, costs):.2f}" if isinstance(tree, Bvh) else "0"
     held = len(tree.order) if isinstance(tree, Bvh) else len(tree.refs)
     return (
-        f"  {kind:<4} costs ({costs.traversal:g}, {costs.intersection:g}): SAH cost {tree.cost:.2f}, "
-        f"depth {tree.depth}, nodes {len(tree.count)} ({inner} inner), triangle entries {held}"
+        f"| `{name}` | {spread(cpu)} | {spread(ratio)} | {wall[0]:.2f} | {wall[1]:.2f} | {spread(faster)} |"
+        f" {tree.cost:.1f} | {overlap} | {held / len(scene.triangles):.2f} |"
     )
 
 
-def report(path: Path, rounds: int) -> None:
-    scene = load(str(path))
-    triangles = scene.triangles
-    print(f"\n{path.name}: {len(triangles)} triangles, {rounds} rounds, CPU seconds (min, median, max)")
-    runs = [one_round(scene) for _ in range(rounds)]
-    for name in runs[0]:
-        print(f"  {name:<34}{spread([run[name] for run in runs])}")
-    for name in ("bvh", "kd"):
-        ratios = [run[name] / (run["embreex mesh"] + run["embreex commit"]) for run in runs]
-        print(f"  {name + ' / embreex mesh + commit':<34}{spread(ratios)}")
-    for costs in (PLAIN, PAPER):
-        print(describe(make_bvh(triangles, costs), costs))
-        print(describe(make_kd(triangles, costs), costs))
+def report(name: str, builders: list[str], costs: SahCosts, rounds: int) -> None:
+    scene = load(name)
+    measured = [one_round(scene, builders, costs) for _ in range(rounds)]
+    runs, trees = [found for found, _ in measured], measured[-1][1]
+    base = [run["embreex", 1] for run in runs]
+    print(
+        f"\n{name}, {len(scene.triangles):,} triangles, costs ({costs.traversal:g}, {costs.intersection:g}), ", end=""
+    )
+    print(f"{rounds} rounds; embreex mesh and commit: {spread([cpu for cpu, _ in base])} CPU-s\n")
+    print("| builder | CPU-s | of embreex | wall 1 | wall 2 | 1 over 2 | SAH | EPO | entries a triangle |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for builder in builders:
+        print(row(builder, runs, scene, trees[builder], costs), flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("files", nargs="*", type=Path, metavar="FILE")
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", default=SCENES)
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--builders", default=",".join(BUILDS), help="a comma list of: " + ", ".join(BUILDS))
+    parser.add_argument("--costs", choices=COSTS, default="plain", help="plain is (1, 1), paper is (3, 1.5)")
     options = parser.parse_args()
-    files = options.files or sorted(
-        (path for folder in folders() for path in folder.glob("*.ply")), key=lambda path: path.stat().st_size
-    )
-    if not files:
-        parser.error("no mesh was found; name a file, or set RAYFARM_SCENES to folders that hold some")
-    compile_builder("bvh")
-    compile_builder("kd")
-    for path in files:
-        report(path, max(1, options.rounds))
+    builders = options.builders.split(",")
+    if unknown := [name for name in builders if name not in BUILDS]:
+        parser.error(f"there is no builder {unknown[0]!r}; choose from {', '.join(BUILDS)}")
+    for name in builders:
+        compile_builder(*BUILDS[name])
+    for scene in options.scenes:
+        report(scene, builders, COSTS[options.costs], max(1, options.rounds))
     print(f"\npeak memory of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024} MiB")
 
 

@@ -34,8 +34,8 @@ class Prepared:
         return make_plan(self.scene, self.tree, self.packed, self.request, reads=reads)
 
     def referee_tree(self) -> Bvh:
-        """A BVH for the referee to walk, whatever the request's own structure is."""
-        if isinstance(self.tree, Bvh):
+        """A BVH of whole triangles for the referee to walk, whatever the request's own structure is."""
+        if isinstance(self.tree, Bvh) and len(self.tree.order) == len(self.scene.faces):
             return self.tree
         tree, _ = build(self.scene.key, self.scene.triangles, "bvh", "sah", SahCosts())
         assert isinstance(tree, Bvh)

@@ -195,6 +195,7 @@ def _facts(prepared: Prepared, plan: Plan, records: Records) -> Measurement:
     return {
         "triangles": len(prepared.scene.faces),
         "cost": None if tree is None else tree.cost,
+        "epo": None if tree is None else tree.epo,
         "depth": None if tree is None else tree.depth,
         "build_ms": prepared.build_ms,
         "structure_bytes": prepared.packed.structure_bytes,

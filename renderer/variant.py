@@ -58,7 +58,7 @@ AXES: dict[str, tuple[str, ...]] = {
     "nodes": ("f32", "grid16", "half"),
     "precision": ("highp", "mediump"),
     "offset": ("constant", "bounded"),
-    "builder": ("sah", "median", "reinserted", "sbvh", "sbvh-reinserted"),
+    "builder": ("sah", "binned", "median", "reinserted", "sbvh", "sbvh-reinserted"),
 }
 
 CONSERVATIVE_NODES = ("f32", "grid16")

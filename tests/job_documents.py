@@ -45,7 +45,7 @@ def measurement(round_index: int, samples: Json | None, gpu: bool) -> Json:
         "compile_s": 0.5,
         "load_average": 0.75,
         **dict.fromkeys(("triangles", "depth", "structure_bytes", "primitive_bytes"), 36),
-        **{"cost": 28.5, "build_ms": 0.5, "rays": {"primary": 4096, "shadow": 3660}, "error": ERRORS},
+        **{"cost": 28.5, "epo": 3.5, "build_ms": 0.5, "rays": {"primary": 4096, "shadow": 3660}, "error": ERRORS},
         "per_ray": {"nodes": 8.0, "inner": 3.5, "leaves": 1.25, "triangles": 9.5, "bytes": 626.0},
         "specialised": ["vertex normals", "60 of 64 stack entries"],
         "versions": {"rayfarm": "0.1.0", "shader_sha": "ab" * 32, "plan": 1, "embreex": "4.4.0"},

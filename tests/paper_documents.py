@@ -82,7 +82,7 @@ class World:
             "traversal": cell.traversal, "method": cell.method, "layout": cell.layout,
             "intersector": "moller-trumbore", "box": "williams", "nodes": "f32", "precision": "highp",
             "offset": "constant", "builder": "sah",
-            "sah": {"traversal": cell.sah[0], "intersection": cell.sah[1], "cost": 30.0},
+            "sah": {"traversal": cell.sah[0], "intersection": cell.sah[1], "cost": 30.0, "epo": 4.0},
             "depth": round(20 * self.depth(cell)),
             "size": [64, 64],
             "rays_kind": "both",

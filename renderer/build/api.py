@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from functools import lru_cache
 from typing import Literal, get_args
 
@@ -11,13 +12,15 @@ import numpy as np
 
 from renderer.build.bvh import build_bvh
 from renderer.build.cache import Kind, cached
+from renderer.build.epo import epo
 from renderer.build.errors import BuildError as BuildError
 from renderer.build.kd import build_kd
 from renderer.build.pad import padded
 from renderer.build.refined import REFINEMENTS, build_refined
-from renderer.build.tree import Floats, SahCosts, Tree
+from renderer.build.tree import Bvh, Floats, SahCosts, Tree
+from renderer.jit import jit
 
-Builder = Literal["sah", "median", "reinserted", "sbvh", "sbvh-reinserted"]
+Builder = Literal["sah", "binned", "median", "reinserted", "sbvh", "sbvh-reinserted"]
 """How a BVH is built; a KD-tree is built by `sah` alone."""
 
 BUILDERS: tuple[Builder, ...] = get_args(Builder)
@@ -26,11 +29,10 @@ BUILDERS: tuple[Builder, ...] = get_args(Builder)
 def build(
     scene_key: str, triangles: Floats, kind: Kind, builder: Builder = "sah", costs: SahCosts | None = None
 ) -> tuple[Tree, float]:
-    """The structure over `triangles` (m, 3, 3) float32, and its build time in CPU milliseconds, compilation excluded.
+    """The structure over `triangles` (m, 3, 3) float32, and the CPU milliseconds of its build without compilation.
 
-    `scene_key` names the triangles by content (Scene.key). A KD-tree is built over padded boxes. Raises BuildError
-    for no triangles, coordinates or costs that are not finite, negative costs, and a KD-tree by
-    another builder than `sah`.
+    `scene_key` names the triangles by content (Scene.key). A KD-tree is built over padded boxes. Raises BuildError for
+    no triangles, coordinates or costs that are not finite, negative costs, and a KD-tree by another builder than sah.
     """
     costs = costs or SahCosts()
     _check(triangles, kind, builder, costs)
@@ -40,29 +42,39 @@ def build(
 def _timed_build(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts) -> tuple[Tree, float]:
     compile_builder(kind, builder)
     start = time.process_time()
-    tree = _build(triangles, kind, builder, costs)
-    return tree, (time.process_time() - start) * 1000.0
+    tree = build_uncached(triangles, kind, builder, costs)
+    taken = (time.process_time() - start) * 1000.0
+    # Whatever cell of a KD-tree holds a point lists its triangle.
+    overlap = epo(tree, triangles, costs) if isinstance(tree, Bvh) else 0.0
+    return replace(tree, epo=overlap), taken
 
 
-def _build(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts) -> Tree:
+def build_uncached(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts) -> Tree:
+    """The structure alone, built anew."""
     boxes = bounds(triangles)
     if kind == "kd":
         return build_kd(padded(boxes), costs)
-    if builder in REFINEMENTS:
-        return build_refined(boxes, costs, REFINEMENTS[builder])
-    return build_bvh(boxes, costs, "median" if builder == "median" else "sah")
+    if builder == "sah" or builder == "binned" or builder == "median":
+        return build_bvh(boxes, costs, builder)
+    return build_refined(boxes, costs, REFINEMENTS[builder])
 
 
 @lru_cache
 def compile_builder(kind: Kind, builder: Builder = "sah") -> None:
-    """Builds four triangles, so that what is timed next is compiled."""
-    _build(np.eye(3, dtype=np.float32) + np.arange(4, dtype=np.float32)[:, None, None], kind, builder, SahCosts())
+    """Builds a few triangles, so that what is timed next is compiled."""
+    few = np.eye(3, dtype=np.float32) + np.arange(8, dtype=np.float32)[:, np.newaxis, np.newaxis]
+    build_uncached(few, kind, builder, SahCosts())
 
 
+@jit
 def bounds(triangles: Floats) -> Floats:
     """The box of each triangle, (m, 2, 3) float32: lower and upper corner."""
-    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
-    return np.stack([np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)], axis=1)
+    boxes = np.empty((len(triangles), 2, 3), np.float32)
+    for i in range(len(triangles)):
+        for k in range(3):
+            a, b, c = triangles[i, 0, k], triangles[i, 1, k], triangles[i, 2, k]
+            boxes[i, 0, k], boxes[i, 1, k] = min(min(a, b), c), max(max(a, b), c)
+    return boxes
 
 
 def _check(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts) -> None:

@@ -1,13 +1,16 @@
-"""The BVH: a full SAH sweep, or a centroid median split."""
+"""The BVH from the top down: a full SAH sweep, a faster one that bins large nodes, or a centroid median split."""
 
 from __future__ import annotations
 
-from typing import Literal
+from functools import partial
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from renderer.build.binned import SMALL, binned_split, sort_range
 from renderer.build.grow import resized
+from renderer.build.parallel import each
 from renderer.build.radix import sort_keys, stable_order
 from renderer.build.refit import depth_of, fit_boxes, sah_cost
 from renderer.build.spatial import normalised, spatial_order
@@ -16,60 +19,170 @@ from renderer.build.tree import MAX_BVH_LEAF, MAX_DEPTH, Bvh, Bytes, Floats, Int
 from renderer.jit import jit
 
 Words = npt.NDArray[np.uint32]
-BvhMethod = Literal["sah", "median"]
+BvhMethod = Literal["sah", "median", "binned"]
+
+TASK = 1 << 15
+"""Nodes of at most so many triangles are a task of their own."""
+
+
+class Work(NamedTuple):
+    """What tasks share, each within its own range of slots; i is a box's place, not its triangle.
+
+    `boxes` (m, 6) float32; `ids` (m,) uint32: what moves with the boxes; `lists` (3, m) uint32: places along each axis,
+    where a range is sorted; scratch: `areas`, `is_right` (m,).
+    """
+
+    boxes: Floats
+    ids: Words
+    lists: Words
+    areas: Floats
+    is_right: Bytes
+
+
+Cells = npt.NDArray[np.int64]
+"""Nodes that wait, (w, 5): node, begin and end of its slots, depth, and whether they are sorted."""
+
+Part = tuple[Ints, Ints, Bytes, Ints, Cells]
+"""A subtree: `child`, `count`, `axis` and `parent` of its nodes, its root first, and those of them that wait."""
 
 
 def build_bvh(boxes: Floats, costs: SahCosts, method: BvhMethod = "sah", max_depth: int = MAX_DEPTH) -> Bvh:
     """The BVH over m >= 1 triangle bounds, (m, 2, 3) float32, finite.
 
     "sah" cuts each node where the surface area heuristic is least over all cuts of the centroids' order on three
-    axes, and makes a leaf where that costs no more; "median" cuts the longest axis in the middle down to leaves
-    of 4, and so does the other where its splits could lead below `max_depth`. That bound holds for up to
-    2**max_depth triangles. Every list is sorted once and partitioned stably, so equal input gives equal bytes.
-    Raises ValueError for no triangles.
+    axes, and makes a leaf where that costs no more; "binned" does so in small nodes, and cuts larger ones between bins
+    along their longest axis. "median" cuts the longest axis in the middle down to leaves of 4, and so do the others
+    where their splits could lead below `max_depth`. That bound holds for up to 2**max_depth triangles. Lists are
+    sorted once and partitioned stably, so equal input gives equal bytes. Raises ValueError for no triangles.
     """
     if len(boxes) == 0:
         raise ValueError("A tree needs at least one triangle; give a scene that has some.")
-    near = spatial_order(boxes)
-    work = normalised(boxes, near)
-    lists = np.stack([stable_order(sort_keys(work[:, axis] + work[:, axis + 3])) for axis in range(3)])
-    rules = Rules(method == "sah", min(max_depth, MAX_DEPTH), costs.traversal, costs.intersection)
-    child, count, axis, parent = _split_all(work, lists, rules)
-    order = near[lists[0]].view(np.int32)
+    work = _binned_work(boxes) if method == "binned" else _sorted_work(boxes)
+    rules = Rules(method != "median", min(max_depth, MAX_DEPTH), costs.traversal, costs.intersection)
+    first = split_range(*work, 0, len(boxes), 0, int(method != "binned"), rules, TASK)
+    cells: list[list[int]] = first[4].tolist()
+    tasks = [
+        partial(split_range, *work, begin, end, depth, in_order, rules, 0) for _, begin, end, depth, in_order in cells
+    ]
+    child, count, axis, parent = _joined(first, each(tasks))
+    places = work.lists[0].view(np.int32)
+    order = work.ids[places].view(np.int32)
     lower, upper = fit_boxes(boxes, child, count, order)
     cost = sah_cost(lower, upper, count > 0, count, costs.traversal, costs.intersection)
     return Bvh(lower, upper, child, count, axis, parent, order, depth_of(parent), cost)
 
 
-@jit
-def _split_all(boxes: Floats, lists: Words, rules: Rules) -> tuple[Ints, Ints, Bytes, Ints]:
-    """Splits the root's range until all are leaves, left first; returns child, count, axis and parent.
+def _sorted_work(boxes: Floats) -> Work:
+    near = spatial_order(boxes)
+    work = normalised(boxes, near)
+    keys = [partial(_order_along, work, axis) for axis in range(3)]
+    return _work(work, near, np.stack(each(keys)))
 
-    A node that waits is already written as a leaf over its range of `lists`, so leaves need no further work.
+
+def _order_along(boxes: Floats, axis: int) -> Words:
+    return stable_order(sort_keys(boxes[:, axis] + boxes[:, axis + 3]))
+
+
+def _binned_work(boxes: Floats) -> Work:
+    as_given = np.arange(len(boxes), dtype=np.uint32)
+    return _work(normalised(boxes, as_given), as_given, np.empty((3, len(boxes)), np.uint32))
+
+
+def _work(boxes: Floats, ids: Words, lists: Words) -> Work:
+    m = len(boxes)
+    return Work(boxes, ids, lists, np.empty(m, np.float32), np.empty(m, np.uint8))
+
+
+def _joined(first: Part, parts: list[Part]) -> tuple[Ints, Ints, Bytes, Ints]:
+    """One tree of a part and those of its nodes that wait, numbered as if one walk had made it: left first."""
+    below = {int(cell[0]): part for cell, part in zip(first[4], parts, strict=True)}
+    total = len(first[0]) + sum(len(part[0]) - 1 for part in parts)
+    child, count = np.empty(total, np.int32), np.empty(total, np.int32)
+    axis, parent = np.empty(total, np.uint8), np.empty(total, np.int32)
+    waiting, made = [(0, 0, -1)], 1
+    while waiting:
+        node, place, above = waiting.pop()
+        source, at = (below[node], 0) if node in below else (first, node)
+        child[place], count[place], axis[place] = source[0][at], source[1][at], source[2][at]
+        parent[place] = above
+        if node in below:
+            made = _append(source, place, made, child, count, axis, parent)
+        elif count[place] == 0:
+            left = int(child[place])
+            child[place] = made
+            waiting += [(left + 1, made + 1, place), (left, made, place)]
+            made += 2
+    return child, count, axis, parent
+
+
+def _append(part: Part, place: int, made: int, child: Ints, count: Ints, axis: Bytes, parent: Ints) -> int:
+    """Puts a part's nodes at `made` and after, but for its root, which is at `place`; returns where the next go."""
+    end = made + len(part[0]) - 1
+    inner = part[1] == 0
+    down = np.where(inner, part[0] + made - 1, part[0])
+    child[place], child[made:end] = down[0], down[1:]
+    count[made:end], axis[made:end] = part[1][1:], part[2][1:]
+    parent[made:end] = np.where(part[3][1:] == 0, place, part[3][1:] + made - 1)
+    return end
+
+
+@jit
+def split_range(
+    boxes: Floats,
+    ids: Words,
+    lists: Words,
+    areas: Floats,
+    is_right: Bytes,
+    first: int,
+    last: int,
+    level: int,
+    is_sorted: int,
+    rules: Rules,
+    stop: int,
+) -> Part:
+    """Splits the slots from `first` to `last` until all nodes are leaves or wait, those of at most `stop`; left first.
+
+    A node that waits is already written as a leaf over its range of slots, so leaves need no further work.
     """
-    most = 2 * lists.shape[1] - 1
+    most = 2 * (last - first) - 1
     child, count = np.zeros(most, np.int32), np.zeros(most, np.int32)
     axis, parent = np.zeros(most, np.uint8), np.zeros(most, np.int32)
-    parent[0] = -1
-    areas, moved = np.empty(lists.shape[1], np.float32), np.empty(lists.shape[1], np.uint32)
-    is_right = np.zeros(lists.shape[1], np.uint8)
-    waiting, depths = np.zeros(MAX_DEPTH + 2, np.int64), np.zeros(MAX_DEPTH + 2, np.int64)
-    count[0], top, made = lists.shape[1], 1, 1
+    moved = np.empty(last - first, np.uint32)
+    waiting, cells = np.zeros((MAX_DEPTH + 2, 3), np.int64), np.zeros((most if stop > 0 else 0, 5), np.int64)
+    child[0], count[0], parent[0] = first, last - first, -1
+    waiting[0, 1], waiting[0, 2] = level, is_sorted
+    top, made, cut_off = 1, 1, 0
     while top > 0:
         top -= 1
-        node, depth = waiting[top], depths[top]
+        node, depth, in_order = waiting[top]
         begin, end = child[node], child[node] + count[node]
-        chosen, cut = _choose(boxes, lists, areas, begin, end, depth, rules)
-        if chosen == NO_SPLIT:
+        if end - begin <= stop:
+            cells[cut_off, 0], cells[cut_off, 1], cells[cut_off, 2] = node, begin, end
+            cells[cut_off, 3], cells[cut_off, 4] = depth, in_order
+            cut_off += 1
             continue
-        _partition(lists, is_right, moved, chosen, begin, cut, end)
+        if not in_order and (end - begin <= SMALL or depth + 1 + _levels(end - begin - 1) > rules.max_depth):
+            sort_range(boxes, lists, begin, end)
+            in_order = 1
+        chosen, cut = NO_SPLIT, begin
+        if not in_order:
+            chosen, cut = binned_split(boxes, ids, begin, end)
+        if chosen == NO_SPLIT:
+            if not in_order:
+                sort_range(boxes, lists, begin, end)
+                in_order = 1
+            chosen, cut = _choose(boxes, lists, areas, begin, end, depth, rules)
+            if chosen == NO_SPLIT:
+                continue
+            _partition(lists, is_right, moved, chosen, begin, cut, end)
         _make_children(child, count, parent, node, made, begin, cut, end)
         axis[node] = chosen
-        waiting[top], depths[top] = made + 1, depth + 1
-        waiting[top + 1], depths[top + 1] = made, depth + 1
-        top += 2
+        for side in range(2):
+            waiting[top, 0], waiting[top, 1], waiting[top, 2] = made + 1 - side, depth + 1, in_order
+            top += 1
         made += 2
-    return resized(child, made), resized(count, made), resized(axis, made), resized(parent, made)
+    nodes = (resized(child, made), resized(count, made), resized(axis, made), resized(parent, made))
+    return (*nodes, cells[:cut_off].copy())
 
 
 @jit

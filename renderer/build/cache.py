@@ -13,7 +13,7 @@ from renderer.kept import cache_folder, kept, key_of
 
 Kind = Literal["bvh", "kd"]
 
-BUILDER_VERSIONS: dict[Kind, int] = {"bvh": 1, "kd": 2}
+BUILDER_VERSIONS: dict[Kind, int] = {"bvh": 2, "kd": 3}
 """Part of every key: raise one with any change to what its builder returns."""
 
 
@@ -38,6 +38,7 @@ def _read(kind: Kind, file: BinaryIO) -> tuple[Tree, float]:
         fields: dict[str, Any] = {field.name: entry[field.name] for field in dataclasses.fields(tree_type)}
         build_ms = float(entry["build_ms"])
     fields["depth"], fields["cost"] = int(fields["depth"]), float(fields["cost"])
+    fields["epo"] = float(fields["epo"])
     return tree_type(**fields), build_ms
 
 

@@ -19,19 +19,72 @@ Flags = npt.NDArray[np.bool_]
 class Loose(NamedTuple):
     """n nodes in any order but for siblings, which are adjacent; node 0 is the root.
 
-    `box` (n, 6) float32; `child` (n,) int32: the left child, or a leaf's first slot; `slots` (n,): 0 for an inner node,
-    else the leaf's slots; `parent` (n,), -1 for the root. A leaf's slots are some range, leaves' ranges in any order.
+    `box` (n, 6) float32; `child` (n,) int32: the left child, or a leaf's first slot; `size` (n,) int32: 0 for an inner
+    node, else the leaf's slots; `parent` (n,) int32, -1 for the root. Leaves' ranges of slots lie in any order.
     """
 
     box: Floats
     child: Ints
-    slots: Ints
+    size: Ints
     parent: Ints
+
+
+def copied(tree: Loose) -> Loose:
+    """A copy to work on."""
+    return Loose(tree.box.copy(), tree.child.copy(), tree.size.copy(), tree.parent.copy())
+
+
+def loosened(tree: Bvh) -> Loose:
+    """A `Bvh` to work on; its slots stay as they are."""
+    return Loose(np.hstack([tree.lower, tree.upper]), tree.child.copy(), tree.count.copy(), tree.parent.copy())
+
+
+@jit
+def union_area(box: Floats, a: int, b: int) -> float:
+    """Half the surface of the box around two nodes'."""
+    x = np.float64(max(box[a, 3], box[b, 3])) - np.float64(min(box[a, 0], box[b, 0]))
+    y = np.float64(max(box[a, 4], box[b, 4])) - np.float64(min(box[a, 1], box[b, 1]))
+    z = np.float64(max(box[a, 5], box[b, 5])) - np.float64(min(box[a, 2], box[b, 2]))
+    return x * y + z * (x + y)
+
+
+@jit
+def sibling_of(child: Ints, parent: Ints, node: int) -> int:
+    """The other child of a node's parent."""
+    left = child[parent[node]]
+    return int(left + 1 if node == left else left)
+
+
+@jit
+def copy_node(box: Floats, child: Ints, count: Ints, source: int, target: int) -> None:
+    """What is at one place to another; its children still name the old one (`adopt`)."""
+    for k in range(6):
+        box[target, k] = box[source, k]
+    child[target], count[target] = child[source], count[source]
+
+
+@jit
+def adopt(child: Ints, count: Ints, parent: Ints, node: int) -> None:
+    """Tells the children of what is at `node` so."""
+    if count[node] == 0:
+        parent[child[node]], parent[child[node] + 1] = node, node
+
+
+@jit
+def fit_upward(box: Floats, child: Ints, parent: Ints, start: int) -> None:
+    """The boxes of an inner node and of all above it, made anew; -1 is above the root."""
+    node = start
+    while node >= 0:
+        left = child[node]
+        for k in range(3):
+            box[node, k] = min(box[left, k], box[left + 1, k])
+            box[node, k + 3] = max(box[left, k + 3], box[left + 1, k + 3])
+        node = parent[node]
 
 
 def reach_of(tree: Loose) -> int:
     """Edges on the longest path from the root."""
-    return int(_reach(tree.child, tree.slots))
+    return int(_reach(tree.child, tree.size))
 
 
 @jit
@@ -53,11 +106,11 @@ def settled(tree: Loose, ids: Ints, boxes: Floats, costs: SahCosts) -> Bvh:
     """The `Bvh` of a tree over r references: their triangles, `ids` (r,), and their boxes (r, 2, 3) float32.
 
     Subtrees become leaves where that costs no more, and references of one triangle in one leaf become one. An inner
-    node's axis is that along which its children's centres lie farthest apart.
+    node's axis is that along which its children's centres lie farthest apart for their length.
     """
-    nodes = _parents_first(tree.child, tree.slots)
-    leaf = _leaves(nodes, tree.box, tree.child, tree.slots, costs.traversal, costs.intersection)
-    child, count, axis, parent, order, kept = _laid_out(tree.box, tree.child, tree.slots, leaf, ids, boxes)
+    nodes = _parents_first(tree.child, tree.size)
+    leaf = _leaves(nodes, tree.box, tree.child, tree.size, costs.traversal, costs.intersection)
+    child, count, axis, parent, order, kept = _laid_out(tree.box, tree.child, tree.size, leaf, ids, boxes)
     lower, upper = fit_boxes(kept, child, count, np.arange(len(order), dtype=np.int32))
     cost = sah_cost(lower, upper, count > 0, count, costs.traversal, costs.intersection)
     return Bvh(lower, upper, child, count, axis, parent, order, depth_of(parent), cost)
@@ -154,10 +207,13 @@ def _take_all(
 
 @jit
 def _orientation(box: Floats, left: int) -> tuple[int, int]:
+    """The axis along which the centres lie farthest apart for their length, and 1 where the right one is the lower."""
     axis, widest, turned = 0, -1.0, 0
     for k in range(3):
-        apart = np.float64(box[left + 1, k]) + np.float64(box[left + 1, k + 3])
-        apart -= np.float64(box[left, k]) + np.float64(box[left, k + 3])
-        if abs(apart) > widest:
-            axis, widest, turned = k, abs(apart), int(apart < 0.0)
+        low, high = np.float64(box[left, k]), np.float64(box[left, k + 3])
+        other_low, other_high = np.float64(box[left + 1, k]), np.float64(box[left + 1, k + 3])
+        apart, length = other_low + other_high - low - high, max(high, other_high) - min(low, other_low)
+        share = abs(apart) / length if length > 0.0 else 0.0
+        if share > widest:
+            axis, widest, turned = k, share, int(apart < 0.0)
     return axis, turned

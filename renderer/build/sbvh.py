@@ -16,7 +16,7 @@ from renderer.build.spatial_split import BINS, NO_PLANE, best_plane, row_area
 from renderer.build.tree import Bytes, Floats, Ints
 from renderer.jit import jit
 
-OVERLAP = 1e-5
+OVERLAP = 1e-4
 """Planes are looked for where the object split's sides overlap by more than this of the root's area (section 4.5)."""
 
 GROWTH = 1.0
@@ -37,27 +37,30 @@ class References(NamedTuple):
 
 
 class Part(NamedTuple):
-    """A subtree that may end in nodes that wait: count 0 and child -1 - w for waiting cell w.
+    """A subtree that may end in nodes that wait: size 0 and child -1 - w for waiting cell w.
 
     `cells` (w, 4): first and last reference of each, its depth, and the references that it may still add.
     """
 
     box: Floats
     child: Ints
-    slots: Ints
+    size: Ints
     parent: Ints
     held: References
     cells: npt.NDArray[np.int64]
 
 
-def split_down(refs: References, max_depth: int, growth: float = GROWTH) -> tuple[Loose, References]:
-    """The tree of one reference a leaf, but where the depth is at its bound, and the references in the slots' order."""
+def split_down(refs: References, max_depth: int, worth: float) -> tuple[Loose, References]:
+    """The tree of one reference a leaf, and the references in the slots' order.
+
+    A plane is taken where it costs less than `worth` times the best object split.
+    """
     root = max(row_area(_around(refs.box), 0), float(np.finfo(np.float64).tiny))
-    spare = int(growth * len(refs.triangle))
-    first = _split_all(refs, 0, spare, root, max_depth, TASK)
+    spare = int(GROWTH * len(refs.triangle))
+    first = _split_all(refs, 0, spare, root, max_depth, worth, TASK)
     rows = [tuple(int(value) for value in row) for row in first.cells]
     tasks = [
-        partial(_split_all, _rows_of(first.held, begin, end), depth, more, root, max_depth, 0)
+        partial(_split_all, _rows_of(first.held, begin, end), depth, more, root, max_depth, worth, 0)
         for begin, end, depth, more in rows
     ]
     return _joined(first, each(tasks))
@@ -80,24 +83,25 @@ def _around(box: Floats) -> Floats:
 
 def _joined(first: Part, parts: list[Part]) -> tuple[Loose, References]:
     """One tree of a part and those of its waiting cells; what the first part holds for these is in no leaf."""
-    box, child, count, parent = [first.box], [first.child], [first.slots], [first.parent]
-    held = [first.held]
+    box, held = [first.box], [first.held]
+    child, size, parent = [first.child], [first.size], [first.parent]
     nodes, slots = len(first.child), len(first.held.triangle)
     for place, part in zip(np.flatnonzero(first.child < 0), sorted_parts(first, parts), strict=True):
-        down, inner, leaf = part.child.copy(), part.slots == 0, part.slots > 0
+        down, inner, leaf = part.child.copy(), part.size == 0, part.size > 0
         down[inner] += nodes - 1
         down[leaf] += slots
         above = part.parent + nodes - 1
         above[part.parent == 0] = place
-        first.box[place], first.child[place], first.slots[place] = part.box[0], down[0], part.slots[0]
+        first.box[place], first.child[place], first.size[place] = part.box[0], down[0], part.size[0]
         box.append(part.box[1:])
         child.append(down[1:])
-        count.append(part.slots[1:])
+        size.append(part.size[1:])
         parent.append(above[1:])
         held.append(part.held)
         nodes, slots = nodes + len(part.child) - 1, slots + len(part.held.triangle)
     joined = References(np.concatenate([one.box for one in held]), np.concatenate([one.triangle for one in held]))
-    return Loose(np.concatenate(box), np.concatenate(child), np.concatenate(count), np.concatenate(parent)), joined
+    tree = Loose(np.concatenate(box), np.concatenate(child), np.concatenate(size), np.concatenate(parent))
+    return tree, joined
 
 
 def sorted_parts(first: Part, parts: list[Part]) -> list[Part]:
@@ -106,7 +110,7 @@ def sorted_parts(first: Part, parts: list[Part]) -> list[Part]:
 
 
 @jit
-def _split_all(refs: References, depth: int, spare: int, root: float, max_depth: int, stop: int) -> Part:
+def _split_all(refs: References, depth: int, spare: int, root: float, max_depth: int, worth: float, stop: int) -> Part:
     """Splits depth first, left before right; the references of the cells that wait lie on one another."""
     size = len(refs.triangle)
     stack = References(refs.box.copy(), refs.triangle.copy())
@@ -138,7 +142,7 @@ def _split_all(refs: References, depth: int, spare: int, root: float, max_depth:
                 cut_off += 1
             filled += end - begin
             continue
-        parts, axis, plane = _choose(own, row_area(around, 0), root, level, max_depth, more, bins, ends)
+        parts, axis, plane = _choose(own, row_area(around, 0), root, level, max_depth, worth, more, bins, ends)
         right, left = _divided(_slice(stack, begin, end), parts, axis, plane)
         middle, after = begin + len(right.triangle), begin + len(right.triangle) + len(left.triangle)
         stack = _with_room(stack, after)
@@ -207,6 +211,7 @@ def _choose(
     root: float,
     level: int,
     max_depth: int,
+    worth: float,
     more: int,
     bins: Floats,
     ends: npt.NDArray[np.int64],
@@ -216,14 +221,14 @@ def _choose(
     levels = 0
     while (1 << levels) < size - 1:
         levels += 1
-    side = np.zeros(size, np.uint8)
+    side: Bytes = np.zeros(size, np.uint8)
     if level + 1 + levels > max_depth:
         _halve(own, side)
         return side, NO_PLANE, np.float32(0)
     cost, overlap = _object_split(own, side)
     if overlap > OVERLAP * root:
-        planar, axis, plane = best_plane(own, cost, bins, ends)
-        if axis != NO_PLANE and planar < cost:
+        _, axis, plane = best_plane(own, worth * cost, bins, ends)
+        if axis != NO_PLANE:
             crossing = 0
             for i in range(size):
                 crossing += int(own[i, axis] < plane and own[i, axis + 3] > plane)
@@ -239,7 +244,7 @@ def _sorted(own: Floats, axis: int) -> npt.NDArray[np.int64]:
     """The references along an axis by their centres; of equal ones the first comes first."""
     centre = np.empty(len(own), np.float32)
     for i in range(len(own)):
-        centre[i] = own[i, axis] + own[i, axis + 3]
+        centre[i] = own[i, axis] * np.float32(0.5) + own[i, axis + 3] * np.float32(0.5)
     if len(own) < SMALL:
         return np.argsort(centre, kind="mergesort")
     bits = centre.view(np.uint32)

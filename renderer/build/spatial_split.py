@@ -1,7 +1,7 @@
 """Where a plane cuts a BVH node's references in space (Stich, Friedrich and Dietrich 2009), by their boxes alone.
 
 The box of a reference that the plane crosses is cut in two, and not made tighter around what is left of its triangle:
-so the boxes of all references of a triangle cover its own box (ARCHITECTURE.md, Why no traversal loses a hit).
+together the boxes of a triangle's references are its own box (ARCHITECTURE.md, Why no traversal loses a hit).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def best_plane(boxes: Floats, bound: float, scratch: Floats, entering: npt.NDArr
         low, high = np.float32(np.inf), np.float32(-np.inf)
         for i in range(len(boxes)):
             low, high = min(low, boxes[i, candidate]), max(high, boxes[i, candidate + 3])
-        if not low + (high - low) / np.float32(BINS) > low:
+        if not low < _border(low, high, 1) < _border(low, high, BINS - 1) < high:
             continue
         cost, where = _best_border(boxes, candidate, low, high, best, scratch, entering)
         if cost < best:
@@ -40,13 +40,14 @@ def best_plane(boxes: Floats, bound: float, scratch: Floats, entering: npt.NDArr
 
 @jit
 def _border(low: np.float32, high: np.float32, at: int) -> np.float32:
-    return np.float32(low + (high - low) * np.float32(at / BINS))
+    return np.float32(np.float64(low) + (np.float64(high) - np.float64(low)) * (at / BINS))
 
 
 @jit
 def _bin_of(x: np.float32, low: np.float32, high: np.float32) -> int:
     """The last bin whose lower border is at most x."""
-    at = min(BINS - 1, max(0, int((x - low) / (high - low) * np.float32(BINS))))
+    share = (np.float64(x) - np.float64(low)) / (np.float64(high) - np.float64(low))
+    at = min(BINS - 1, max(0, int(share * BINS)))
     while at > 0 and _border(low, high, at) > x:
         at -= 1
     while at < BINS - 1 and _border(low, high, at + 1) <= x:

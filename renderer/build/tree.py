@@ -36,8 +36,11 @@ class Bvh:
     `lower`, `upper` (n, 3) float32 boxes. `child` (n,) int32: an inner node's left child (its right child is
     the next node) or a leaf's first slot in `order`. `count` (n,) int32: 0 for an inner node, else the leaf's
     triangles. `axis` (n,) uint8: an inner node's split axis; the left child is the lower one along it.
-    `parent` (n,) int32, -1 for the root. `order` (m,) int32: slot -> triangle of the scene. `depth`: edges on the
+    `parent` (n,) int32, -1 for the root. `order` (r,) int32: slot -> triangle of the scene; r is more
+    than the scene's m where spatial splits cut triangles. `depth`: edges on the
     longest path from the root. `cost`: the SAH cost, sum over nodes of area / root area times the node's cost.
+    `epo`: the end-point overlap (`renderer.build.epo`), None where it was not estimated. The slots below a node are one
+    range, those of its left child first.
     """
 
     lower: Floats
@@ -49,6 +52,7 @@ class Bvh:
     order: Ints
     depth: int
     cost: float
+    epo: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +62,7 @@ class Kd:
     `lower`, `upper` (n, 3) float32 cells. `split` (n,) float32 plane of an inner node. `axis` (n,) uint8: its axis,
     3 for a leaf. `child` (n,) int32: left child (the right child is the next node) or a leaf's first entry in
     `refs`. `count` (n,) int32: a leaf's entries (0 for an empty leaf), 0 for an inner node. `parent` (n,) int32, -1
-    for the root. `refs` (r,) int32 triangles of the scene. `depth` and `cost` as in `Bvh`.
+    for the root. `refs` (r,) int32 triangles of the scene. `depth`, `cost` and `epo` as in `Bvh`.
     """
 
     lower: Floats
@@ -71,6 +75,7 @@ class Kd:
     refs: Ints
     depth: int
     cost: float
+    epo: float | None = None
 
 
 Tree = Bvh | Kd

@@ -18,7 +18,7 @@ COLUMNS = (
     *("job", "study", "recorded_at", "scene", "family", "triangles"),
     *("device_id", "device_kind", "device_name", "device_driver", "device_threads"),
     *AXES,
-    *("sah_traversal", "sah_intersection", "sah_cost", "size", "frames"),
+    *("sah_traversal", "sah_intersection", "sah_cost", "sah_epo", "size", "frames"),
     *("frame_ms_median", "frame_ms_ci_low", "frame_ms_ci_high", "fps", "mrays_per_s", "mrays_per_cpu_s"),
     *("rays_kind", "rays_timed", "rays_primary", "rays_shadow", "structure_bytes", "primitive_bytes", "build_ms"),
     *("per_ray_nodes", "per_ray_inner", "per_ray_leaves", "per_ray_triangles", "per_ray_bytes", "per_ray_lines"),

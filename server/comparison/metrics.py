@@ -93,6 +93,7 @@ METRICS: dict[str, Metric] = {
         Metric("error_flip", "FLIP of the picture", "", "lower"),
         Metric("error_psnr", "PSNR of the picture", "dB", "higher"),
         Metric("sah_cost", "SAH cost", "", "lower"),
+        Metric("sah_epo", "End-point overlap", "", "lower"),
         Metric("profile_sp_memory_read", "SP memory read a draw (imported)", "", "lower", "bytes"),
         Metric("profile_sp_memory_read_per_s", "SP memory read (imported)", "/s", "lower", "bytes"),
         Metric("profile_shader_alu_capacity_utilized", "Shader ALU capacity utilized (imported)", "%", "higher"),

@@ -68,7 +68,12 @@ def document(request: Request, speed: float, device: str = "llvmpipe") -> dict[s
         "triangles": 1234,
         "device": {"id": device, "kind": "llvmpipe", "name": device, "driver": "Mesa"},
         **request.variant.as_dict(),
-        "sah": {"traversal": request.costs.traversal, "intersection": request.costs.intersection, "cost": 31.5},
+        "sah": {
+            "traversal": request.costs.traversal,
+            "intersection": request.costs.intersection,
+            "cost": 31.5,
+            "epo": 4.0,
+        },
         "size": list(request.size),
         "rays_kind": request.rays,
         "frames": request.frames,

@@ -31,7 +31,7 @@ RESULT = {
 
 PARTS = {
     "device": {"id", "kind", "name", "driver"},
-    "sah": {"traversal", "intersection", "cost"},
+    "sah": {"traversal", "intersection", "cost", "epo"},
     "frame_ms": {"median", "ci_low", "ci_high"},
     "rays": {"primary", "shadow"},
     "per_ray": {"nodes", "inner", "leaves", "triangles", "bytes", "lines"},

@@ -6,7 +6,7 @@ import pytest
 from build_soups import SOUPS, Floats, soup
 
 from renderer.build.api import bounds
-from renderer.build.bvh import build_bvh
+from renderer.build.bvh import BvhMethod, build_bvh
 from renderer.build.tree import MAX_BVH_LEAF, MAX_DEPTH, Bvh, SahCosts
 from scenes.load import load
 from scenes.places import find_named
@@ -76,12 +76,12 @@ def check_cost(tree: Bvh, costs: SahCosts) -> None:
     assert tree.cost == pytest.approx((ratio * node_costs).sum(), rel=1e-9)
 
 
-@pytest.mark.parametrize("method", ["sah", "median"])
+@pytest.mark.parametrize("method", ["sah", "binned", "median"])
 @pytest.mark.parametrize("name", SOUPS)
-def test_every_invariant_holds(name: str, method: str) -> None:
+def test_every_invariant_holds(name: str, method: BvhMethod) -> None:
     boxes = SOUPS[name]()
     for costs in COSTS:
-        tree = build_bvh(boxes, costs, method)  # type: ignore[arg-type]
+        tree = build_bvh(boxes, costs, method)
         check_links(tree, len(boxes))
         check_boxes(tree, boxes)
         check_cost(tree, costs)
@@ -93,6 +93,25 @@ def test_equal_input_gives_equal_bytes(name: str) -> None:
     first, second = build_bvh(boxes, SahCosts()), build_bvh(boxes.copy(), SahCosts())
     for field, value in vars(first).items():
         np.testing.assert_array_equal(value, getattr(second, field), err_msg=field)
+
+
+@pytest.mark.parametrize("method", ["sah", "binned", "median"])
+def test_threads_change_no_byte(method: BvhMethod, monkeypatch: pytest.MonkeyPatch) -> None:
+    boxes = soup(20000, 14)
+    monkeypatch.setenv("RAYFARM_BUILD_THREADS", "1")
+    monkeypatch.setattr("renderer.build.bvh.TASK", 30000)
+    whole = build_bvh(boxes, SahCosts(), method)
+    monkeypatch.setattr("renderer.build.bvh.TASK", 300)
+    for threads in ("1", "2", "3"):
+        monkeypatch.setenv("RAYFARM_BUILD_THREADS", threads)
+        for field, value in vars(build_bvh(boxes, SahCosts(), method)).items():
+            np.testing.assert_array_equal(value, getattr(whole, field), err_msg=field)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_bins_cost_little_more_than_the_sweep(seed: int) -> None:
+    boxes, costs = soup(20000, seed, size=0.02), SahCosts(1.0, 1.0)
+    assert build_bvh(boxes, costs, "binned").cost < 1.04 * build_bvh(boxes, costs).cost
 
 
 @pytest.mark.parametrize("seed", range(5))
