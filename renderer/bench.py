@@ -77,7 +77,7 @@ def combine(request: Request, measurements: list[dict[str, Any]]) -> Result:
             "traversal": request.costs.traversal,
             "intersection": request.costs.intersection,
             "cost": first["cost"],
-            "epo": first["epo"],
+            "epo": first.get("epo"),
         },
         "depth": first["depth"],
         "size": list(request.size),
