@@ -1,17 +1,15 @@
 // Sends the form as JSON and goes to the new study's page; before that it says what the study would be.
-// Refusals' sentences are shown as they are.
+import { axesOf, post, send } from "./sending.js";
+
 const PAUSE_MS = 250;
 const OWN = ["frames", "rounds", "rays", "check"];
 const form = document.getElementById("submit");
 const own = document.getElementById("own");
 const named = document.getElementById("named");
-const problem = document.getElementById("problem");
 const count = document.getElementById("count");
 const refused = document.getElementById("refused");
 let asking = null;
 let timer = null;
-let sent = null;
-let key = null;
 
 function body() {
   const data = new FormData(form);
@@ -19,27 +17,15 @@ function body() {
   const size = data.get("named_size").trim();
   const shared = { devices: data.getAll("devices"), priority: data.get("priority") };
   if (name) return { name, ...shared, ...(size && { size }) };
-  const axes = Object.fromEntries(
-    [...form.querySelectorAll("[data-axis]")].map(({ dataset: { axis } }) => [axis, data.getAll(axis)]),
-  );
   return {
     name: "from the page",
     ...shared,
     scenes: data.getAll("scenes"),
-    axes: { ...axes, size: data.get("size"), sah: data.get("sah") },
+    axes: { ...axesOf(form), size: data.get("size"), sah: data.get("sah") },
     ...Object.fromEntries(OWN.map((field) => [field, data.get(field)])),
     vs_embree: data.has("vs_embree"),
     models: data.has("models"),
   };
-}
-
-function post(path, text, headers, signal) {
-  return fetch(`/api/v1/${path}`, {
-    method: "POST",
-    headers: { "Content-Type": "application/json", ...headers },
-    body: text,
-    signal,
-  });
 }
 
 function number(value, word) {
@@ -96,43 +82,17 @@ function choose() {
   named.hidden = !isNamed;
 }
 
-// The same study sent again, as by a double click, has the same key: it is taken once.
-function keyOf(text) {
-  if (text !== sent) {
-    const bytes = crypto.getRandomValues(new Uint8Array(16));
-    key = [...bytes].map((byte) => byte.toString(16).padStart(2, "0")).join("");
-    sent = text;
-  }
-  return key;
-}
-
-function refuse(sentence) {
-  problem.textContent = sentence;
-  problem.hidden = false;
-  problem.scrollIntoView({ block: "nearest" });
-}
-
 form.addEventListener("submit", async (event) => {
   event.preventDefault();
-  problem.hidden = true;
-  const text = JSON.stringify(body());
-  try {
-    const answer = await post("studies", text, { "Idempotency-Key": keyOf(text) });
-    const result = await answer.json();
-    if (answer.ok) location.assign(`/studies/${result.id}`);
-    else refuse(result.detail);
-  } catch {
-    refuse("The service does not answer: submit again, the study is taken once.");
-  }
+  const study = await send("studies", body());
+  if (study) location.assign(`/studies/${study.id}`);
 });
 
 form.addEventListener("input", () => {
   choose();
   askSoon();
 });
-// A page that is shown again from the browser's memory is a new page: what is sent from it is a new study.
 addEventListener("pageshow", () => {
-  sent = null;
   choose();
   ask();
 });
