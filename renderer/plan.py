@@ -114,6 +114,12 @@ class Plan:
                 digest.update(f"{program.name}/{stage}\n{text}".encode())
         return digest.hexdigest()
 
+    def tracing(self) -> list[tuple[Program, str]]:
+        """The programs that trace rays in every frame, each with the stage that does."""
+        names = {step.program for step in self.passes if step.phase == "frame" and step.program.startswith("trace")}
+        found = [program for program in self.programs if program.name in names]
+        return [(program, "compute" if "compute" in program.stages else "fragment") for program in found]
+
     def save(self, path: Path) -> None:
         """Write the plan to one file."""
         header, blobs = _header(self)

@@ -74,13 +74,11 @@ class AluProgram:
 
 def tracing_text(plan: Plan) -> tuple[str, str]:
     """The text and the stage of the program that traces rays in every frame."""
-    names = {step.program for step in plan.passes if step.phase == "frame" and step.program.startswith("trace")}
-    found = [program for program in plan.programs if program.name in names]
+    found = plan.tracing()
     if len(found) != 1:
         raise ModelError(f"The plan traces its rays in {len(found)} programs a frame; the model covers one.")
-    stages = found[0].stages
-    stage = "compute" if "compute" in stages else "fragment"
-    return stages[stage], stage
+    program, stage = found[0]
+    return program.stages[stage], stage
 
 
 @lru_cache(maxsize=64)

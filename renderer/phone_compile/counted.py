@@ -29,11 +29,10 @@ class Frame:
 
 def tracing_program(plan: Plan) -> tuple[Program, str]:
     """The program that traces rays in every frame and its stage; raise CompileError where there is more than one."""
-    names = {step.program for step in plan.passes if step.phase == "frame" and step.program.startswith("trace")}
-    found = [program for program in plan.programs if program.name in names]
+    found = plan.tracing()
     if len(found) != 1:
         raise CompileError(f"The plan traces its rays in {len(found)} programs a frame, and the estimate covers one.")
-    return found[0], "compute" if "compute" in found[0].stages else "fragment"
+    return found[0]
 
 
 def count_frame(prepared: Prepared, timed: Plan, host: Host, records: Records | None = None) -> Frame:
