@@ -24,6 +24,8 @@ uvec4 packet_counted[PACKET];
 uint packet_words[PACKET];
 #endif
 
+vec4 packet_shown[PACKET];  // what the pixels of the block show in the end
+
 ivec2 packet_pixel(ivec2 corner, int k) {
     return corner + ivec2(k % PACKET_WIDTH, k / PACKET_WIDTH);
 }

@@ -46,10 +46,7 @@ bool packet_enters(uint node, out uint link) {
 void packet_intersect(uint slot, const bool any_hit) {
     PACKET_FETCHED(0u, TEST_WORDS);
     for (int k = 0; k < PACKET; k++) {
-        packet_aim(k);
-        hit_slot = packet_slot[k];
-        hit_id = packet_id[k];
-        intersector_prepare();
+        packet_take(k);
         intersect(slot);
         packet_t[k] = any_hit && hit_id != NO_PRIMITIVE ? NEVER : hit_t;
         packet_slot[k] = hit_slot;

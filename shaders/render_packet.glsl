@@ -11,7 +11,6 @@ layout(std430, binding = 3) restrict buffer State { uvec4 state[]; };  // t, slo
 
 const float FARTHEST = 3.4028235e38;
 
-vec4 packet_shown[PACKET];
 vec3 packet_start[PACKET];
 vec3 packet_shading[PACKET];
 float packet_light[PACKET];

@@ -4,8 +4,6 @@
 uniform uint ray_count;
 layout(std430, binding = 5) readonly restrict buffer GivenRays { uvec4 given_rays[]; };
 
-vec4 packet_shown[PACKET];
-
 void packet_begin(uint i, int k) {
     bool given = i < ray_count;
     uint at = 4u * (given ? i : 0u);

@@ -40,11 +40,10 @@ def pack_nodes(tree: Tree, layout_name: str, node_format: str = "f32") -> Packed
     layout = NODE_LAYOUTS[layout_name][node_format]
     values = _values(tree)
     leaf = values["axis"] == LEAF
-    grid = _grid_of(tree) if any(field.kind == "grid16" for field in layout.fields) else None
-    if grid is not None:
-        values["box"] = grid.outward(tree.lower, tree.upper)
-    if any(field.kind == "half" for field in layout.fields):
-        values["box"] = _halves(tree)
+    box = layout.field("box")
+    grid = _grid_of(tree) if box is not None and box.kind == "grid16" else None
+    if box is not None:
+        values["box"] = _halves(tree) if grid is None else grid.outward(tree.lower, tree.upper)
     if layout.order != "siblings":
         assert isinstance(tree, Bvh)
         return PackedNodes(_depth_first(tree, layout, values, leaf), None, grid)

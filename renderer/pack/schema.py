@@ -25,6 +25,8 @@ PACKED: tuple[Literal["grid16", "half"], ...] = ("grid16", "half")
 """The node formats that hold a box in three words."""
 
 Owner = Literal["all", "inner", "leaf"]
+Tail = Literal["none", "triangles", "links"]
+Order = Literal["siblings", "depth-first", "octants"]
 
 
 @dataclass(frozen=True)
@@ -58,29 +60,14 @@ class NodeLayout:
     words: int
     vector: Literal[2, 4]
     fields: tuple[Field, ...]
-    tail: Literal["none", "triangles", "links"] = "none"
-    order: Literal["siblings", "depth-first", "octants"] = "siblings"
+    tail: Tail = "none"
+    order: Order = "siblings"
 
     def field(self, name: str) -> Field | None:
         """The field of that name, None where the layout has none."""
         return next((field for field in self.fields if field.name == name), None)
 
 
-_LINK = (
-    Field("axis", 3, shift=0, bits=2),
-    Field("child", 3, shift=2, bits=30, owner="inner"),
-    Field("count", 3, shift=2, bits=6, owner="leaf"),
-    Field("first", 3, shift=8, bits=24, owner="leaf"),
-)
-_F32 = (Field("lower", 0, "vec3"), *_LINK, Field("upper", 4, "vec3"))
-_GRID16 = (Field("box", 0, "grid16"), *_LINK)
-_HALF = (Field("box", 0, "half"), *_LINK)
-_SKIP = (
-    Field("axis", 3, shift=0, bits=2),
-    Field("skip", 3, shift=2, bits=30, owner="inner"),
-    Field("count", 3, shift=2, bits=6, owner="leaf"),
-    Field("first", 3, shift=8, bits=24, owner="leaf"),
-)
 _PLANE = (
     Field("split", 0, "float", owner="inner"),
     Field("first", 0, owner="leaf"),
@@ -90,31 +77,36 @@ _PLANE = (
 )
 
 
-def _skipping(order: Literal["depth-first", "octants"]) -> dict[str, NodeLayout]:
-    f32 = NodeLayout(8, 4, (Field("lower", 0, "vec3"), *_SKIP, Field("upper", 4, "vec3")), order=order)
-    packed: dict[str, NodeLayout] = {
-        kind: NodeLayout(4, 4, (Field("box", 0, kind), *_SKIP), order=order) for kind in PACKED
-    }
-    return {"f32": f32, **packed}
+def _link(inner: str) -> tuple[Field, ...]:
+    """The link word of a box's node: an inner one's field is `inner`."""
+    return (
+        Field("axis", 3, shift=0, bits=2),
+        Field(inner, 3, shift=2, bits=30, owner="inner"),
+        Field("count", 3, shift=2, bits=6, owner="leaf"),
+        Field("first", 3, shift=8, bits=24, owner="leaf"),
+    )
 
 
 def _parent(word: int) -> tuple[Field, Field]:
     return Field("parent_axis", word, shift=0, bits=2), Field("parent", word, shift=2, bits=30)
 
 
+def _boxes(inner: str = "child", order: Order = "siblings", *, parents: bool = False) -> dict[str, NodeLayout]:
+    """A box and a link word in every node format; a parent's word has room beside a box of floats alone."""
+    floats = (Field("lower", 0, "vec3"), *_link(inner), Field("upper", 4, "vec3"), *(_parent(7) if parents else ()))
+    tail: Tail = "links" if parents else "none"
+    behind = _parent(TAIL) if parents else ()
+    formats = {"f32": NodeLayout(8, 4, floats, order=order)}
+    for kind in PACKED:
+        formats[kind] = NodeLayout(4, 4, (Field("box", 0, kind), *_link(inner), *behind), tail, order)
+    return formats
+
+
 NODE_LAYOUTS: dict[str, dict[str, NodeLayout]] = {
-    "box": {
-        "f32": NodeLayout(8, 4, _F32),
-        "grid16": NodeLayout(4, 4, _GRID16),
-        "half": NodeLayout(4, 4, _HALF),
-    },
-    "box-parent": {
-        "f32": NodeLayout(8, 4, (*_F32, *_parent(7))),
-        "grid16": NodeLayout(4, 4, (*_GRID16, *_parent(TAIL)), tail="links"),
-        "half": NodeLayout(4, 4, (*_HALF, *_parent(TAIL)), tail="links"),
-    },
-    "skip": _skipping("depth-first"),
-    "skip-octants": _skipping("octants"),
+    "box": _boxes(),
+    "box-parent": _boxes(parents=True),
+    "skip": _boxes("skip", "depth-first"),
+    "skip-octants": _boxes("skip", "octants"),
     "plane": {"f32": NodeLayout(2, 2, _PLANE, tail="triangles")},
     "plane-box": {
         "f32": NodeLayout(
