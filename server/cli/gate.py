@@ -77,8 +77,7 @@ def _cells(pair: Pair) -> list[Text]:
     visible = "" if found.visible is None else write_percent(found.visible)
     interval = "" if found.low is None or found.high is None else f"{found.low:.3f}–{found.high:.3f}"
     size = "" if pair.beside.size is None else f"{pair.beside.size:.3f}"
-    hits = {True: "same bits", False: "other bits", None: ""}[pair.beside.same_answers]
-    cells = [_name(pair), f"{found.ratio:.3f}", interval, found.verdict, visible, size, hits]
+    cells = [_name(pair), f"{found.ratio:.3f}", interval, found.verdict, visible, size, pair.beside.hits]
     return [Text(cell, style=STYLES[found.verdict] if cell == found.verdict else "") for cell in cells]
 
 
@@ -87,9 +86,7 @@ def _name(pair: Pair) -> str:
     shown = ("scene", "device", "traversal", "method", "layout", "size")
     shared = ", ".join(pair.place[name] for name in shown if name in pair.place)
     changes = [f"{name} {first} → {second}" for name, (first, second) in pair.compared.items()]
-    sides = zip(("baseline", "against"), pair.beside.left_out, strict=True)
-    left_out = [f"left out of {side}: {', '.join(names)}" for side, names in sides if names]
-    return "\n".join([shared, *changes, *left_out])
+    return "\n".join([shared, *changes, *pair.beside.notes])
 
 
 def _notes(found: Differences) -> list[str]:

@@ -40,6 +40,17 @@ class Beside:
     same_answers: bool | None
     left_out: tuple[tuple[str, ...], tuple[str, ...]]
 
+    @property
+    def hits(self) -> str:
+        """`same bits` or `other bits`; nothing where that is not known."""
+        return {True: "same bits", False: "other bits", None: ""}[self.same_answers]
+
+    @property
+    def notes(self) -> list[str]:
+        """What each side left out, in words."""
+        sides = zip(("baseline", "against"), self.left_out, strict=True)
+        return [f"left out of {side}: {', '.join(names)}" for side, names in sides if names]
+
 
 @dataclass(frozen=True)
 class Pair:

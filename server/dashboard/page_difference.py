@@ -33,7 +33,6 @@ LIKELY = ("device", "traversal", "method", "layout", "builder", "sah", "speciali
 """What the form offers to choose sides by."""
 SHOWN = 500
 """The most pairs on a page; the API gives all."""
-ANSWERS = {True: "same bits", False: "other bits", None: "not known"}
 NARROWEST = math.log(1.05)
 """The bars' scale reaches at least 5 % to either side."""
 
@@ -165,7 +164,7 @@ def _pair(pair: Pair, told: set[str], margin: float, reach: float) -> PairView:
         verdict=found.verdict,
         visible="" if found.visible is None else write_percent(found.visible),
         size="not known" if pair.beside.size is None else f"{pair.beside.size:.3f}",
-        answers=ANSWERS[pair.beside.same_answers],
+        answers=pair.beside.hits or "not known",
         marks=(low, ratio, high),
         notes=_pair_notes(pair, told),
         stopped=found.is_slower_by(margin),
@@ -175,8 +174,7 @@ def _pair(pair: Pair, told: set[str], margin: float, reach: float) -> PairView:
 def _pair_notes(pair: Pair, told: set[str]) -> list[str]:
     environment = pair.environment.items()
     notes = [f"{name} {first} → {second}" for name, (first, second) in environment if name not in told]
-    for side, names in zip(("baseline", "against"), pair.beside.left_out, strict=True):
-        notes += [f"left out of {side}: {', '.join(names)}"] if names else []
+    notes += pair.beside.notes
     if pair.difference.low is None:
         notes.append("no interval: it takes at least 4 rounds a side")
     if pair.repeated:
