@@ -10,6 +10,8 @@ import typer
 
 from renderer.variant import AXES
 
+ANY = "A value, a comma list, paper or all,"
+
 
 def with_axes(verb: Callable[..., None], usual: Mapping[str, str]) -> Callable[..., None]:
     """The verb, whose parameter `axes` (a dictionary) becomes an option for each axis, `usual` being its default."""
@@ -24,7 +26,7 @@ def with_axes(verb: Callable[..., None], usual: Mapping[str, str]) -> Callable[.
             axis,
             inspect.Parameter.KEYWORD_ONLY,
             default=usual[axis],
-            annotation=Annotated[str, typer.Option(help=f"Of {', '.join(AXES[axis])}.", metavar="WORDS")],
+            annotation=Annotated[str, typer.Option(help=f"{ANY} of {', '.join(AXES[axis])}.", metavar="WORDS")],
         )
         for axis in AXES
     ]

@@ -11,10 +11,11 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from renderer.variant import AXES
+from renderer.variant import Variant
 from server.cli import heatmap as cli_heatmap
+from server.cli.axis_options import with_axes
 from server.cli.common import SOME_FAILED, make_console
-from server.cli.options import CameraOption, OptionError, SahOption, SceneArgument, SizeOption, Words
+from server.cli.options import CameraOption, OptionError, SahOption, SceneArgument, SizeOption
 
 if TYPE_CHECKING:
     from renderer.bench import Result, RunSlice
@@ -44,21 +45,13 @@ JsonLines = Annotated[
 
 def register(app: typer.Typer) -> None:
     """Add `bench` and `heatmap`."""
-    app.command()(bench)
+    app.command()(with_axes(bench, Variant().as_dict()))
     cli_heatmap.register(app)
 
 
 def bench(
     scene: SceneArgument,
-    traversal: Words = "bvh-stack",
-    method: Words = "fragment",
-    layout: Words = "normal",
-    intersector: Words = "moller-trumbore",
-    box: Words = "widened",
-    nodes: Words = "f32",
-    precision: Words = "highp",
-    offset: Words = "constant",
-    builder: Words = "sah",
+    axes: dict[str, str],
     rays: Annotated[str, typer.Option(help="What is timed: primary, shadow or both.")] = "both",
     size: SizeOption = "1024",
     frames: Annotated[int, typer.Option(help="Timed frames over all rounds.")] = 12,
@@ -86,14 +79,13 @@ def bench(
     Combinations that are refused are left out and listed; `all` leaves out brute-force above 10^9 ray-triangle tests
     a frame. The exit code is 1 when a variant failed and 2 for bad input.
     """
-    given = locals()
     from renderer.request import parse_size
     from server.cli.plan import plan_here, print_refused, read_camera, read_costs, read_switch
     from server.studies import Study
 
     study = Study(
         scenes=(scene,),
-        axes={axis: given[axis] for axis in AXES},
+        axes=axes,
         size=parse_size(size),
         frames=frames,
         rounds=_rounds(rounds, frames),

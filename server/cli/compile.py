@@ -11,9 +11,10 @@ import typer
 from rich.console import Console
 
 from renderer.phone_compile.gpus import USUAL
-from renderer.variant import AXES
+from renderer.variant import Variant
+from server.cli.axis_options import with_axes
 from server.cli.common import SOME_FAILED, make_console
-from server.cli.options import CameraOption, OptionError, SahOption, SceneArgument, SizeOption, Words
+from server.cli.options import CameraOption, OptionError, SahOption, SceneArgument, SizeOption
 
 if TYPE_CHECKING:
     from server.cli.plan import Here
@@ -23,21 +24,13 @@ Json = dict[str, Any]
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command("compile")(compile_scene)
+    app.command("compile")(with_axes(compile_scene, Variant().as_dict()))
 
 
 def compile_scene(
     scene: SceneArgument,
+    axes: dict[str, str],
     gpu: Annotated[str, typer.Option(help="A GPU, a comma list, or all.", metavar="WORDS")] = ",".join(USUAL),
-    traversal: Words = "bvh-stack",
-    method: Words = "fragment",
-    layout: Words = "normal",
-    intersector: Words = "moller-trumbore",
-    box: Words = "widened",
-    nodes: Words = "f32",
-    precision: Words = "highp",
-    offset: Words = "constant",
-    builder: Words = "sah",
     rays: Annotated[str, typer.Option(help="What a frame casts: primary, shadow or both.")] = "both",
     size: SizeOption = "1024",
     sah: SahOption = "3.0,1.5",
@@ -56,7 +49,6 @@ def compile_scene(
 
     Combinations that are refused are left out and listed. The exit code is 1 when a variant failed and 2 for bad input.
     """
-    given = locals()
     from renderer.child import ChildError
     from renderer.phone_compile.gpus import require_gpus
     from renderer.phone_compile.job import compile_request
@@ -70,7 +62,7 @@ def compile_scene(
     tool_chain()
     study = Study(
         scenes=(scene,),
-        axes={axis: given[axis] for axis in AXES},
+        axes=axes,
         size=parse_size(size),
         frames=1,
         rounds=1,
