@@ -33,7 +33,6 @@ from renderer.plan import Plan, PlanError
 from renderer.prepare import Built, Prepared, build_tree, prepare
 from renderer.recommend import Candidate, Judged, Size
 from renderer.request import Request
-from renderer.variant import Variant
 from scenes.load import load
 
 MOST_BYTES = 2 << 30
@@ -76,7 +75,7 @@ class Pilot:
             self.scene = load(self.base.scene)
             self.device = host.device()
         self.clock: Clock = "cpu" if self.device.get("id") == "llvmpipe" and self.base.threads == 1 else "wall"
-        self._trees: dict[Variant, Built] = {}
+        self._trees: dict[tuple[str, str], Built] = {}
         self._prepared: OrderedDict[str, Prepared] = OrderedDict()
         self._arrays: WeakValueDictionary[str, Array] = WeakValueDictionary()
         self._digests: dict[int, tuple[ref[Array], str]] = {}
@@ -131,8 +130,7 @@ class Pilot:
 
     def _built(self, request: Request) -> Built:
         """The tree, once for all variants that differ in what no builder looks at."""
-        usual = Variant()
-        key = replace(request.variant, method=usual.method, layout=usual.layout, offset=usual.offset)
+        key = request.variant.structure, request.variant.builder
         if key not in self._trees:
             self._trees[key] = build_tree(self.scene, request)
         return self._trees[key]

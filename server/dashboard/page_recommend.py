@@ -49,9 +49,10 @@ def recommendation_page(job_id: str, request: Request) -> Response:
     """One recommendation: how far it is, or what it came to."""
     with database_of(request).reading() as session:
         job = find_recommendation(session, job_id)
+        one = recommendation_view(job)
         context = {
-            "one": recommendation_view(job),
-            "found": _found(recommendation_view(job)["recommendation"]),
+            "one": one,
+            "found": _found(one["recommendation"]),
             "after": max((change.id for change in job.changes), default=0),
             "open_states": OPEN,
             "wait": wait_of(session, job, request.app.state.lease_s),
