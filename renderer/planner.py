@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.tree import MAX_DEPTH, Kd, Tree
+from renderer.build.tree import Kd, Tree
 from renderer.pack.api import Packed
 from renderer.pack.primitives import pack_raster
 from renderer.plan import Buffer, Pass, Plan, Program, Texture, Uniform
@@ -201,7 +201,7 @@ class _Planner:
         return Form(
             variant=self.variant,
             lights=len(self.scene.lights),
-            depth=MAX_DEPTH if not self.request.specialise or self.tree is None else self.tree.depth,
+            depth=self.packed.levels if self.request.specialise else self.packed.most_levels,
             tail_at=None if nodes is None else nodes.tail_at,
             grid=nodes.grid if nodes is not None and self.request.specialise else None,
             normals=self.packed.normals,
@@ -293,8 +293,9 @@ class _Planner:
             out.append("uniforms of the node grid")
         state = TRAVERSALS[self.variant.traversal].state
         if state == "stack" and self.tree is not None:
-            out.append(f"{MAX_DEPTH - max(self.tree.depth, 1)} of {MAX_DEPTH} stack entries")
-        if state in ("trail", "short trail") and self.tree is not None and self.tree.depth <= 32:
+            most = self.packed.most_levels
+            out.append(f"{most - max(self.packed.levels, 1)} of {most} stack entries")
+        if state in ("trail", "short trail") and self.tree is not None and self.packed.levels <= 32:
             out.append("the trail's second word")
         return out
 

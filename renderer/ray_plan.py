@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.tree import MAX_DEPTH, Tree
+from renderer.build.tree import Tree
 from renderer.host import Tile
 from renderer.pack.api import Packed
 from renderer.plan import Buffer, Pass, Plan, PlanError, Program, Uniform
@@ -81,7 +81,7 @@ def make_ray_plan(
         size=size,
         tile=tile,
         buffers=tuple(buffers),
-        programs=(Program("rays", _texts(tree, packed, request, question, instrument)),),
+        programs=(Program("rays", _texts(packed, request, question, instrument)),),
         passes=(_pass(camera, instrument),),
         uniforms=_uniforms(camera, packed, question),
         output="canvas" if request.variant.method == "compute" else "image",
@@ -110,13 +110,13 @@ def read_answer(plan: Plan, count: int, tiles: Iterable[Tile]) -> Answer:
     )
 
 
-def _texts(tree: Tree | None, packed: Packed, request: Request, question: Question, instrument: bool) -> dict[str, str]:
+def _texts(packed: Packed, request: Request, question: Question, instrument: bool) -> dict[str, str]:
     general = not request.specialise
     nodes = None if general else packed.nodes
     form = Form(
         variant=request.variant,
         lights=0,
-        depth=MAX_DEPTH if general or tree is None else tree.depth,
+        depth=packed.most_levels if general else packed.levels,
         tail_at=None if nodes is None else nodes.tail_at,
         grid=None if nodes is None else nodes.grid,
         normals=packed.normals,

@@ -40,8 +40,10 @@ TRAVERSALS: dict[str, Traversal] = {
     "bvh-parent-link": Traversal("bvh", "box-parent", "Hapala et al. 2011", paper=True),
     "bvh-restart-trail": Traversal("bvh", "box", "Laine 2010", paper=True, state="trail"),
     "bvh-short-stack": Traversal("bvh", "box", "Laine 2010; Vaidyanathan et al. 2019", state="short trail"),
+    "bvh-backtrack": Traversal("bvh", "box-path", "Binder and Keller 2016", state="trail"),
     "bvh-skip-link": Traversal("bvh", "skip", "one order for all rays, no state (Smits 1998)"),
     "bvh-skip-octants": Traversal("bvh", "skip-octants", "an order for each octant of directions, no state"),
+    "bvh4-stack": Traversal("bvh", "quad", "four children a visit (Wald et al. 2008)", state="stack"),
     "bvh-packet-2x2": Traversal("bvh", "box", "bvh-stack, 2x2 pixels share fetches", state="stack", packet=True),
     "bvh-packet-4x2": Traversal("bvh", "box", "bvh-stack, 4x2 pixels share fetches", state="stack", packet=True),
     "kd-push-down": Traversal("kd", "plane", "Horn et al. 2007", paper=True),
@@ -55,13 +57,13 @@ AXES: dict[str, tuple[str, ...]] = {
     "layout": ("normal", "compact", "split"),
     "intersector": ("moller-trumbore", "watertight", "baked"),
     "box": ("widened", "williams"),
-    "nodes": ("f32", "grid16", "half"),
+    "nodes": ("f32", "grid16", "quant8", "half"),
     "precision": ("highp", "mediump"),
     "offset": ("constant", "bounded"),
     "builder": ("sah", "binned", "median", "reinserted", "sbvh", "sbvh-reinserted"),
 }
 
-CONSERVATIVE_NODES = ("f32", "grid16")
+CONSERVATIVE_NODES = ("f32", "grid16", "quant8")
 """The node formats whose boxes hold what they should, so that no hit is lost."""
 
 PAPER: dict[str, tuple[str, ...]] = {
@@ -144,6 +146,8 @@ def refusal(variant: Variant, rays: str = "both") -> str | None:
         return "a KD walk tells cells apart by the last bits of t: leave the precision at highp."
     if structure == "none" and variant.nodes != "f32":
         return "brute-force walks no nodes: leave them at f32."
+    if variant.nodes == "quant8" and TRAVERSALS[variant.traversal].nodes != "quad":
+        return "8-bit faces are counted from a frame, which pays for four boxes and not for one: take bvh4-stack."
     if TRAVERSALS[variant.traversal].packet and variant.method != "compute":
         return "a fragment shades one pixel and a packet traces several: take the method compute."
     if variant.intersector == "baked" and variant.layout == "split":

@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.tree import Bvh, Tree
+from renderer.build.tree import MAX_DEPTH, Bvh, Tree
+from renderer.build.wide import WideBvh, collapse
 from renderer.pack.baked import bake
 from renderer.pack.nodes import PackedNodes, pack_nodes
 from renderer.pack.primitives import PackedPrimitives, face_normals, pack_primitives
+from renderer.pack.schema import NODE_LAYOUTS
 from renderer.request import Request
 from renderer.variant import TRAVERSALS
 from scenes.scene import Scene
@@ -18,11 +20,16 @@ from scenes.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class Packed:
-    """The buffers of one request: nodes and primitives, what shading needs of normals, and their sizes in bytes."""
+    """The buffers of one request: nodes and primitives, what shading needs of normals, and their sizes in bytes.
+
+    `levels` is what a stack or a trail must hold of the tree as it is walked, `most_levels` of any tree.
+    """
 
     nodes: PackedNodes | None
     primitives: PackedPrimitives
     normals: bool
+    levels: int = 0
+    most_levels: int = MAX_DEPTH
 
     @property
     def structure_bytes(self) -> int:
@@ -32,14 +39,25 @@ class Packed:
 
 def pack(scene: Scene, tree: Tree | None, request: Request) -> Packed:
     """Lay out what the request's traversal, layout and shading read."""
-    variant = request.variant
     corner_normals = _corner_normals(scene, request)
-    order = tree.order if isinstance(tree, Bvh) else None
-    return Packed(
-        None if tree is None else pack_nodes(tree, TRAVERSALS[variant.traversal].nodes, variant.nodes),
-        _primitives(scene, corner_normals, order, request),
-        corner_normals is not None,
-    )
+    walked = _as_walked(tree, request)
+    order = walked.order if isinstance(walked, Bvh | WideBvh) else None
+    primitives = _primitives(scene, corner_normals, order, request)
+    if walked is None:
+        return Packed(None, primitives, corner_normals is not None)
+    nodes = pack_nodes(walked, TRAVERSALS[request.variant.traversal].nodes, request.variant.nodes)
+    if isinstance(walked, WideBvh):
+        return Packed(nodes, primitives, corner_normals is not None, walked.waiting, (walked.width - 1) * MAX_DEPTH)
+    return Packed(nodes, primitives, corner_normals is not None, walked.depth)
+
+
+def _as_walked(tree: Tree | None, request: Request) -> Tree | WideBvh | None:
+    """The tree, collapsed for a traversal that walks wide nodes."""
+    wide = tree is not None and NODE_LAYOUTS[TRAVERSALS[request.variant.traversal].nodes]["f32"].order == "quads"
+    if not wide:
+        return tree
+    assert isinstance(tree, Bvh)
+    return collapse(tree, request.costs)
 
 
 def _primitives(

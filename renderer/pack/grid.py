@@ -1,4 +1,4 @@
-"""The grid on which 16-bit node boxes lie: found so that what a shader makes of it is exact."""
+"""The grids on which 16-bit and 8-bit node boxes lie: found so that what a shader makes of them is exact."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Doubles = npt.NDArray[np.float64]
 Words = npt.NDArray[np.uint32]
 
 CELLS = 65_535
-"""The most cells along an axis."""
+"""The most cells along an axis that 16 bits count."""
 
 _DIGITS = 24
 _LEAST = -126
@@ -19,7 +19,8 @@ _LEAST = -126
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Cells of a power of two along each axis, counted from `origin`, a multiple of them: (3,) float64 both.
+    """Cells of a power of two along each axis, counted from `origin`, a multiple of them: (3,) float64 both, or (n, 3)
+    for a grid a node.
 
     `origin + cells * cell` needs no more digits than float32 has, so a shader computes it without rounding, however its
     compiler arranges it. A face that is rounded outward to the grid thus stays outside, and a box only grows.
@@ -28,20 +29,19 @@ class Grid:
     origin: Doubles
     cell: Doubles
 
-    def outward(self, lower: npt.NDArray[np.float32], upper: npt.NDArray[np.float32]) -> Words:
-        """The cells of boxes (n, 3), one word an axis: of the lower face in the low half, of the upper in the high."""
+    def outward(self, lower: npt.NDArray[np.float32], upper: npt.NDArray[np.float32]) -> tuple[Words, Words]:
+        """The cells of the lower and of the upper faces of boxes (n, 3)."""
         # Divided before they are subtracted: that way neither rounds.
         first = self.origin / self.cell
         low = np.floor(lower.astype(np.float64) / self.cell) - first
         high = np.ceil(upper.astype(np.float64) / self.cell) - first
-        words: Words = low.astype(np.uint32) | high.astype(np.uint32) << np.uint32(16)
-        return words
+        return low.astype(np.uint32), high.astype(np.uint32)
 
 
-def grid_over(lower: npt.NDArray[np.float32], upper: npt.NDArray[np.float32]) -> Grid:
-    """The finest grid over a finite box, (3,) each."""
+def grid_over(lower: npt.NDArray[np.float32], upper: npt.NDArray[np.float32], cells: int = CELLS) -> Grid:
+    """The finest grid of at most `cells` cells an axis over a finite box, (3,) each, or over each of (n, 3)."""
     low, high = lower.astype(np.float64), upper.astype(np.float64)
-    exponent = np.maximum(_ceil_log2((high - low) / (CELLS - 1)), _ceil_log2(np.maximum(-low, high)) - _DIGITS)
+    exponent = np.maximum(_ceil_log2((high - low) / (cells - 1)), _ceil_log2(np.maximum(-low, high)) - _DIGITS)
     cell = np.ldexp(1.0, np.maximum(exponent, _LEAST))
     return Grid(np.floor(low / cell) * cell + 0.0, cell)
 

@@ -8,14 +8,21 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.build.tree import KD_LEAF, Bvh, Kd, Tree
+from renderer.build.wide import WideBvh
 from renderer.pack.depth_first import OCTANTS, depth_first
 from renderer.pack.grid import Grid, grid_over
+from renderer.pack.paths import path_table
 from renderer.pack.primitives import unsigned_zeros
+from renderer.pack.quads import child_values, framed_values
 from renderer.pack.schema import LEAF, NODE_LAYOUTS, TAIL, Field, NodeLayout
 
 Words = npt.NDArray[np.uint32]
 Flags = npt.NDArray[np.bool_]
+Face = npt.NDArray[np.float32]
 Values = dict[str, npt.NDArray[np.generic]]
+
+
+_LINK = 3  # the word of a BVH node that says what is below it
 
 
 class PackError(ValueError):
@@ -32,18 +39,17 @@ class PackedNodes:
     grid: Grid | None = None
 
 
-def pack_nodes(tree: Tree, layout_name: str, node_format: str = "f32") -> PackedNodes:
+def pack_nodes(tree: Tree | WideBvh, layout_name: str, node_format: str = "f32") -> PackedNodes:
     """Lay a tree's nodes out in the layout's order; with siblings beside each other node 1 is unused.
 
-    Raise PackError when a value needs more than its field has.
+    A wide BVH is for layouts in the order `quads`. Raise PackError when a value needs more than its field has.
     """
     layout = NODE_LAYOUTS[layout_name][node_format]
+    if isinstance(tree, WideBvh):
+        return _pack_quads(tree, layout)
     values = _values(tree)
     leaf = values["axis"] == LEAF
-    box = layout.field("box")
-    grid = _grid_of(tree) if box is not None and box.kind == "grid16" else None
-    if box is not None:
-        values["box"] = _halves(tree) if grid is None else grid.outward(tree.lower, tree.upper)
+    grid = _box_words(values, layout, tree.lower[0], tree.upper[0])
     if layout.order != "siblings":
         assert isinstance(tree, Bvh)
         return PackedNodes(_depth_first(tree, layout, values, leaf), None, grid)
@@ -51,10 +57,49 @@ def pack_nodes(tree: Tree, layout_name: str, node_format: str = "f32") -> Packed
     tail = np.zeros(len(leaf) + 1, np.uint32)
     slots = np.where(np.arange(len(leaf)) == 0, 0, np.arange(len(leaf)) + 1)
     _store_all(words, tail, slots, layout, values, leaf)
-    if layout.tail == "none":
-        return PackedNodes(words.ravel(), None, grid)
-    behind = tree.refs.astype(np.uint32) if isinstance(tree, Kd) else tail
-    return PackedNodes(_append(words, behind, layout), words.size // layout.vector, grid)
+    match layout.tail:
+        case "none":
+            return PackedNodes(words.ravel(), None, grid)
+        case "triangles":
+            assert isinstance(tree, Kd)
+            tail = tree.refs.astype(np.uint32)
+        case "paths":
+            assert isinstance(tree, Bvh)
+            tail = path_table(tree.child, tree.count, words[slots, _LINK])
+    return PackedNodes(_append(words, tail, layout), words.size // layout.vector, grid)
+
+
+def _pack_quads(tree: WideBvh, layout: NodeLayout) -> PackedNodes:
+    framed = layout.field("box") is None and layout.field("origin") is not None
+    if framed:
+        values, frame = framed_values(tree)
+        _require_float32(frame)
+        grid = None
+    else:
+        values = child_values(tree)
+        grid = _box_words(values, layout, tree.lower[0].min(axis=0), tree.upper[0].max(axis=0))
+    rows = len(values["origin" if framed else "axis"])
+    words = np.zeros((rows, layout.words), np.uint32)
+    leaf = np.full(rows, False) if framed else values["axis"] == LEAF
+    _store_all(words, words[:, 0], np.arange(rows), layout, values, leaf)
+    if not framed:
+        words[values["count"] + (values["axis"] != LEAF) == 0] = 0
+    return PackedNodes(words.ravel(), None, grid)
+
+
+def _box_words(values: Values, layout: NodeLayout, lower: Face, upper: Face) -> Grid | None:
+    """Put the words of packed boxes beside the values, where the layout has them; the grid over the root's, if any."""
+    box = layout.field("box")
+    if box is None:
+        return None
+    if box.kind == "half":
+        values["box"] = _halves(values["lower"], values["upper"])
+        return None
+    grid = grid_over(lower, upper)
+    _require_float32(grid)
+    low, high = grid.outward(np.clip(values["lower"], lower, upper), np.clip(values["upper"], lower, upper))
+    values["box"] = low | high << np.uint32(16)
+    return grid
 
 
 def _depth_first(tree: Bvh, layout: NodeLayout, values: Values, leaf: Flags) -> Words:
@@ -91,17 +136,15 @@ def _store_all(
         _store(stored, slots[rows], field, values[field.name][rows])
 
 
-def _grid_of(tree: Tree) -> Grid:
-    grid = grid_over(tree.lower[0], tree.upper[0])
+def _require_float32(grid: Grid) -> None:
     if (np.abs(grid.origin) > np.finfo(np.float32).max).any():
-        raise PackError("The scene is too large for a 16-bit grid in float32: take the node format f32.")
-    return grid
+        raise PackError("The scene is too large for a grid in float32: take the node format f32.")
 
 
 @np.errstate(over="ignore")
-def _halves(tree: Tree) -> Words:
+def _halves(*faces: npt.NDArray[np.generic]) -> Words:
     """Boxes rounded to the nearest half-precision floats: a face may move inward, and beyond 65,504 it is infinite."""
-    lower, upper = (np.ascontiguousarray(side.astype(np.float16) + np.float16(0)) for side in (tree.lower, tree.upper))
+    lower, upper = (np.ascontiguousarray(side.astype(np.float16) + np.float16(0)) for side in faces)
     words: Words = lower.view(np.uint16) | upper.view(np.uint16).astype(np.uint32) << np.uint32(16)
     return words
 

@@ -25,8 +25,8 @@ PACKED: tuple[Literal["grid16", "half"], ...] = ("grid16", "half")
 """The node formats that hold a box in three words."""
 
 Owner = Literal["all", "inner", "leaf"]
-Tail = Literal["none", "triangles", "links"]
-Order = Literal["siblings", "depth-first", "octants"]
+Tail = Literal["none", "triangles", "links", "paths"]
+Order = Literal["siblings", "depth-first", "octants", "quads"]
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,10 @@ class NodeLayout:
 
     `order` says how nodes follow one another: siblings beside each other at an even and an odd index, the root at 0; or
     depth first, ending with a node of zeros. In `octants` there is such an order for each octant of ray directions,
-    one after the other; its boxes have their near faces where others have their lower ones.
+    one after the other; its boxes have their near faces where others have their lower ones. In `quads` a node's four
+    children lie beside each other, in the order of a wide BVH's nodes.
     `tail` says what follows the nodes in the same buffer: the list through which leaves name `triangles`, or the
-    nodes' `links`, a word each, where they have no room for them.
+    nodes' `links`, a word each, where they have no room for them, or the table of `paths`.
     """
 
     words: int
@@ -91,22 +92,36 @@ def _parent(word: int) -> tuple[Field, Field]:
     return Field("parent_axis", word, shift=0, bits=2), Field("parent", word, shift=2, bits=30)
 
 
-def _boxes(inner: str = "child", order: Order = "siblings", *, parents: bool = False) -> dict[str, NodeLayout]:
-    """A box and a link word in every node format; a parent's word has room beside a box of floats alone."""
+def _boxes(inner: str = "child", order: Order = "siblings", tail: Tail = "none") -> dict[str, NodeLayout]:
+    """A box and a link word in every node format; a parent's word (`links`) has room beside a box of floats alone."""
+    parents = tail == "links"
     floats = (Field("lower", 0, "vec3"), *_link(inner), Field("upper", 4, "vec3"), *(_parent(7) if parents else ()))
-    tail: Tail = "links" if parents else "none"
     behind = _parent(TAIL) if parents else ()
-    formats = {"f32": NodeLayout(8, 4, floats, order=order)}
+    formats = {"f32": NodeLayout(8, 4, floats, "none" if parents else tail, order)}
     for kind in PACKED:
         formats[kind] = NodeLayout(4, 4, (Field("box", 0, kind), *_link(inner), *behind), tail, order)
     return formats
 
 
+def _framed() -> NodeLayout:
+    """Four boxes in a frame: 8 bits a face counted in cells of 2^(exponent - 127), the four children's in one word."""
+    exponents = (Field(f"exponent_{axis}", word, shift=24, bits=8) for axis, word in (("x", 3), ("y", 10), ("z", 11)))
+    faces = (
+        Field(f"{side}_{axis}", 4 + 2 * k + upper)
+        for k, axis in enumerate("xyz")
+        for upper, side in enumerate(("lower", "upper"))
+    )
+    whole = (Field("base", 3, bits=24), Field("slots", 10, bits=24), Field("counts", 11, bits=24))
+    return NodeLayout(12, 4, (Field("origin", 0, "vec3"), *whole, *exponents, *faces), order="quads")
+
+
 NODE_LAYOUTS: dict[str, dict[str, NodeLayout]] = {
     "box": _boxes(),
-    "box-parent": _boxes(parents=True),
+    "box-parent": _boxes(tail="links"),
+    "box-path": _boxes(tail="paths"),
     "skip": _boxes("skip", "depth-first"),
     "skip-octants": _boxes("skip", "octants"),
+    "quad": _boxes(order="quads") | {"quant8": _framed()},
     "plane": {"f32": NodeLayout(2, 2, _PLANE, tail="triangles")},
     "plane-box": {
         "f32": NodeLayout(
@@ -139,11 +154,18 @@ def glsl(name: str, node_format: str = "f32", grid: Grid | None = None) -> str:
         ),
     ]
     lines += _tail_readers(layout)
-    is_bvh = layout.tail != "triangles"
-    types = ["uint"] if is_bvh else sorted({chunk, "uvec2"})
-    for field in layout.fields:
-        lines += [_accessor(layout, field, of) for of in types if _fits(layout, field, of)]
-    return "\n".join(lines + (_fetch_node(layout, grid) if is_bvh else [])) + "\n"
+    if layout.tail == "triangles":
+        lines += _accessors(layout, sorted({chunk, "uvec2"}))
+    elif node_format == "quant8":
+        lines += [*_accessors(NODE_LAYOUTS[name]["f32"], ["uint"]), *_accessors(layout, [chunk]), *_FRAMED_QUAD]
+    else:
+        lines += [*_accessors(layout, ["uint"]), *_fetch_node(layout, grid)]
+        lines += _QUAD if layout.order == "quads" else ()
+    return "\n".join(lines) + "\n"
+
+
+def _accessors(layout: NodeLayout, types: list[str]) -> list[str]:
+    return [_accessor(layout, field, of) for field in layout.fields for of in types if _fits(layout, field, of)]
 
 
 def _tail_readers(layout: NodeLayout) -> list[str]:
@@ -158,9 +180,15 @@ def _tail_readers(layout: NodeLayout) -> list[str]:
         nth, component = divmod(parent.word, layout.vector)
         value = f"nodes[node * {layout.words // layout.vector}u + {nth}u].{'xyzw'[component]}"
         lines.append(_reader("uint node_links(uint node)", value, 1, f"node * {layout.words}u + {parent.word}u"))
-    if layout.tail == "triangles":
+    if layout.tail in ("triangles", "paths"):
         value = f"nodes[uint(TAIL_AT) + (i >> {shift})][i & {mask}u]"
-        lines.append(_reader("uint node_ref(uint i)", value, 1, f"uint(TAIL_AT) * {layout.vector}u + i"))
+        name = "node_ref" if layout.tail == "triangles" else "node_path_word"
+        lines.append(_reader(f"uint {name}(uint i)", value, 1, f"uint(TAIL_AT) * {layout.vector}u + i"))
+    if layout.tail == "paths":
+        # As `renderer.pack.paths` counts them; of the nodes, with the unused one, half but one are inner ones.
+        inner = f"(uint(TAIL_AT) / {2 * layout.words // layout.vector}u - 1u)"
+        lines.append(f"#define PATH_BUCKETS (({inner} >> 3) * 2u + 2u)")
+        lines.append(f"#define PATH_ENTRIES ({inner} + ({inner} >> 2) + 1u)")
     return lines
 
 
@@ -182,6 +210,46 @@ _BOXES = {
         "}",
     ),
 }
+
+
+_QUAD = (
+    "const int QUAD_WORDS = 4 * NODE_WORDS;",
+    "uint quad_node;",
+    "void fetch_quad(uint node) { quad_node = node; }",
+    "bool quad_child(int i, out vec3 lower, out vec3 upper, out uint link) {",
+    "    fetch_node(quad_node + uint(i), lower, upper, link);",
+    "    return link != 0u;",
+    "}",
+)
+_FRAMED_QUAD = (
+    "const int QUAD_WORDS = 12;",
+    "uvec4 quad_frame, quad_xy, quad_z;",
+    "uint quad_inner, quad_slot;",
+    "void fetch_quad(uint node) {",
+    "    quad_frame = node_chunk(node, 0u);",
+    "    quad_xy = node_chunk(node, 1u);",
+    "    quad_z = node_chunk(node, 2u);",
+    "    quad_inner = node_base(quad_frame);",
+    "    quad_slot = node_slots(quad_z);",
+    "}",
+    "bool quad_child(int i, out vec3 lower, out vec3 upper, out uint link) {",
+    "    uvec3 exponents = uvec3(node_exponent_x(quad_frame), node_exponent_y(quad_z), node_exponent_z(quad_z));",
+    "    vec3 cell = uintBitsToFloat(exponents << 23);",
+    "    uvec3 low = uvec3(node_lower_x(quad_xy), node_lower_y(quad_xy), node_lower_z(quad_z)) >> (8 * i) & 255u;",
+    "    uvec3 high = uvec3(node_upper_x(quad_xy), node_upper_y(quad_xy), node_upper_z(quad_z)) >> (8 * i) & 255u;",
+    "    PRECISE vec3 near = node_origin(quad_frame) + vec3(low) * cell;",
+    "    PRECISE vec3 far = node_origin(quad_frame) + vec3(high) * cell;",
+    "    lower = near;",
+    "    upper = far;",
+    "    uint count = node_counts(quad_z) >> (6 * i) & 63u;",
+    "    link = count == 0u ? quad_inner << 2 | 1u : quad_slot << 8 | count << 2;",
+    "    quad_inner += uint(count == 0u);",
+    "    quad_slot += count;",
+    "    return low.x < high.x;",
+    "}",
+)
+"""The wide traversals' way to a node's four children, fetched as one and asked for from 0 to 3; whether each is there.
+Of zeros, which pixels read that a draw does not cover, none is."""
 
 
 def _grid(grid: Grid | None) -> list[str]:

@@ -27,7 +27,7 @@ EVERY = [
     (name, node_format)
     for name, formats in NODE_LAYOUTS.items()
     for node_format, layout in formats.items()
-    if layout.order == "siblings"
+    if layout.order == "siblings" and layout.tail != "paths"
 ]
 
 

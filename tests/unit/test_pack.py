@@ -11,6 +11,7 @@ from renderer.build.bvh import build_bvh
 from renderer.build.tree import Bvh, Kd, SahCosts
 from renderer.pack.grid import grid_over
 from renderer.pack.nodes import PackError, pack_nodes
+from renderer.pack.paths import path_table
 from renderer.pack.primitives import face_normals, octahedral, pack_primitives, pack_raster
 from renderer.pack.schema import NODE_LAYOUTS, NodeLayout
 
@@ -74,6 +75,20 @@ def test_a_bvh_takes_its_nodes_and_the_unused_one(name: str, node_format: str, n
     assert pack_nodes(bvh(), name, node_format).words.nbytes == -(-nbytes // 16) * 16
 
 
+@pytest.mark.parametrize("node_format", NODE_LAYOUTS["box-path"])
+def test_a_table_of_paths_follows_the_nodes(node_format: str) -> None:
+    tree = bvh()
+    plain, followed = (pack_nodes(tree, name, node_format) for name in ("box", "box-path"))
+    assert followed.tail_at == len(plain.words) // 4
+    nodes, table = np.split(followed.words, [len(plain.words)])
+    np.testing.assert_array_equal(nodes, plain.words)
+    links = plain.words.reshape(-1, 4 if node_format != "f32" else 8)[:, 3][
+        np.append(0, np.arange(2, len(tree.count) + 1))
+    ]
+    given = path_table(tree.child, tree.count, links)
+    np.testing.assert_array_equal(table[: len(given)], given)
+
+
 GRID_CASES = {
     "unit": ([0, 0, 0], [1, 1, 1]),
     "far": ([1e6, -1e6, 123456.7], [1e6 + 1, 1 - 1e6, 123456.8]),
@@ -91,8 +106,9 @@ def test_a_grid_is_exact_in_float32_and_holds_its_box(name: str) -> None:
     rng = np.random.default_rng(63)
     points = (lower + rng.random((999, 3)) * (upper.astype(np.float64) - lower)).astype(np.float32)
     points = np.clip(np.concatenate([points, [lower, upper]]), lower, upper).astype(np.float32)
-    words = grid.outward(points, points)
-    for cells, below in ((words & 0xFFFF, True), (words >> 16, False)):
+    low, high = grid.outward(points, points)
+    for cells, below in ((low, True), (high, False)):
+        assert cells.max() < 1 << 16
         exact = grid.origin + cells * grid.cell
         products = cells.astype(np.float32) * grid.cell.astype(np.float32)
         np.testing.assert_array_equal(grid.origin.astype(np.float32) + products, exact)

@@ -32,6 +32,12 @@ def test_every_traversal_has_its_text_and_its_nodes() -> None:
     assert set(CONSERVATIVE_NODES) < formats
 
 
+def test_a_node_format_is_offered_where_a_layout_has_it() -> None:
+    for name, row in TRAVERSALS.items():
+        offered = {one for one in AXES["nodes"] if refusal(Variant(name, "compute", nodes=one)) is None}
+        assert offered == set(NODE_LAYOUTS.get(row.nodes, {"f32"}))
+
+
 def test_the_paper_s_matrix_is_all_valid() -> None:
     axes = {axis: expand(axis, "paper") for axis in ("traversal", "method", "layout")}
     valid, refused = matrix(axes)

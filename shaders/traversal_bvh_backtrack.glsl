@@ -1,0 +1,44 @@
+#include "common_leaf.glsl"
+#include "common_path.glsl"
+
+// Backtracking in constant time (Binder and Keller 2016): a trail of one bit a level says where a far child waits, the
+// lowest bit for the level of the walk, and a table finds that level's children by the path that leads to them
+// (`renderer/pack/paths.py`).
+void trace(const bool any_hit) {
+    COUNT_NODE(NODE_WORDS);
+    vec3 lower, upper;
+    float entry;
+    uint root;
+    fetch_node(0u, lower, upper, root);
+    bool done = !box_hit(lower, upper, entry);
+    uint link = root;
+    uint side = 1u;
+    path_clear();
+    while (!done) {
+        while (node_axis(link) != LEAF) {
+            COUNT_NODE(NODE_WORDS);
+            COUNT_NODE(NODE_WORDS);
+            COUNT_VISIT(true, 0u);
+            path_descend(side);
+            uint near_side = (slab_octant >> node_axis(link)) & 1u;
+            uint child = node_child(link) + near_side;
+            uint near, far;
+            fetch_node(child, lower, upper, near);
+            bool near_hit = box_hit(lower, upper, entry);
+            fetch_node(child ^ 1u, lower, upper, far);
+            bool far_hit = box_hit(lower, upper, entry);
+            path_mark(near_hit && far_hit);
+            side = near_hit ? near_side : near_side ^ 1u;
+            link = near_hit ? near : far_hit ? far : 0u;
+        }
+        uint count = node_count(link);
+        COUNT_VISIT(false, count);
+        intersect_slots(node_first(link), count);
+        done = path_over() || (any_hit && hit_id != NO_PRIMITIVE);
+        if (!done) {
+            side = path_ascend(side) ^ 1u;
+            COUNT_WORDS(2);
+            link = path_link(side);
+        }
+    }
+}
