@@ -46,6 +46,9 @@ TRAVERSALS: dict[str, Traversal] = {
     "bvh4-stack": Traversal("bvh", "quad", "four children a visit (Wald et al. 2008)", state="stack"),
     "bvh-packet-2x2": Traversal("bvh", "box", "bvh-stack, 2x2 pixels share fetches", state="stack", packet=True),
     "bvh-packet-4x2": Traversal("bvh", "box", "bvh-stack, 4x2 pixels share fetches", state="stack", packet=True),
+    "bvh-packet-interval": Traversal(
+        "bvh", "box", "4x2 pixels share box tests (Boulos et al. 2006)", state="stack", packet=True
+    ),
     "kd-push-down": Traversal("kd", "plane", "Horn et al. 2007", paper=True),
     "kd-short-stack": Traversal("kd", "plane", "Horn et al. 2007", state="short stack"),
     "kd-backtrack": Traversal("kd", "plane-box", "Foley and Sugerman 2005", paper=True),
@@ -150,6 +153,8 @@ def refusal(variant: Variant, rays: str = "both") -> str | None:
         return "8-bit faces are counted from a frame, which pays for four boxes and not for one: take bvh4-stack."
     if TRAVERSALS[variant.traversal].packet and variant.method != "compute":
         return "a fragment shades one pixel and a packet traces several: take the method compute."
+    if variant.traversal == "bvh-packet-interval" and variant.box != "widened":
+        return "the box test of an interval is the widened one, and rays apart must see no less: leave it at widened."
     if variant.intersector == "baked" and variant.layout == "split":
         return (
             "baked keeps its own words in the buffer that split needs for normals: take the layout normal or compact."

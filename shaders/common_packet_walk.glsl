@@ -28,18 +28,41 @@ void packet_visited(int k, uint link) {
 #define PACKET_VISITED(k, hit, link)
 #endif
 
+#if PACKET_INTERVAL
+#include "common_packet_interval.glsl"
+#endif
+
+// How far the farthest-reaching ray looks.
+float packet_reach() {
+    float farthest = packet_t[0];
+    for (int k = 1; k < PACKET; k++) {
+        farthest = max(farthest, packet_t[k]);
+    }
+    return farthest;
+}
+
 bool packet_enters(uint node, out uint link) {
     PACKET_FETCHED(1u, NODE_WORDS);
     vec3 lower, upper;
     fetch_node(node, lower, upper, link);
     bool entered = false;
-    for (int k = 0; k < PACKET; k++) {
-        packet_aim(k);
-        float entry;
-        bool hit = box_hit(lower, upper, entry);
-        PACKET_VISITED(k, hit, link)
-        entered = entered || hit;
+#if PACKET_INTERVAL
+    entered = interval_enters(lower, upper, packet_reach(), link);
+    // A loop of one turn: where lanes run in masks, what stands behind an `if` is always run.
+    bool apart = !interval_alike;
+    while (apart) {
+        apart = false;
+#endif
+        for (int k = 0; k < PACKET; k++) {
+            packet_aim(k);
+            float entry;
+            bool hit = box_hit(lower, upper, entry);
+            PACKET_VISITED(k, hit, link)
+            entered = entered || hit;
+        }
+#if PACKET_INTERVAL
     }
+#endif
     return entered;
 }
 
@@ -59,16 +82,15 @@ void packet_intersect(uint slot, const bool any_hit) {
 
 // Whether no ray is left that looks for anything.
 bool packet_done() {
-    float farthest = packet_t[0];
-    for (int k = 1; k < PACKET; k++) {
-        farthest = max(farthest, packet_t[k]);
-    }
-    return farthest < 0.0;
+    return packet_reach() < 0.0;
 }
 
 void trace(const bool any_hit) {
 #if INSTRUMENT
     packet_turn = 0u;
+#endif
+#if PACKET_INTERVAL
+    interval_bound();
 #endif
     uint root;
     bool entered = packet_enters(0u, root);

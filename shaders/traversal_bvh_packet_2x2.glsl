@@ -2,4 +2,5 @@
 #define PACKET_WIDTH 2
 #define PACKET_HEIGHT 2
 #define PACKET_GROUP 16
+#define PACKET_INTERVAL 0
 #include "common_packet_walk.glsl"

@@ -11,7 +11,7 @@ from running import PACKETS, Run, catalogue_scene, picture, prepared, run
 
 from renderer.accuracy import identical
 from renderer.request import Request, RequestError
-from renderer.variant import Variant
+from renderer.variant import Variant, refusal
 
 SIZE = (61, 43)
 """No multiple of a packet's sides, so that packets overhang the image."""
@@ -46,8 +46,11 @@ AXES = (
 @pytest.mark.parametrize("traversal", PACKETS)
 @pytest.mark.parametrize("axes", AXES, ids=lambda axes: "-".join(axes.values()))
 def test_packets_share_every_axis(axes: dict[str, str], traversal: str) -> None:
-    name = "cornell-statue:2000"
-    found = run(catalogue_scene(name), Variant(traversal, "compute", **axes), SIZE)
+    name, variant = "cornell-statue:2000", Variant(traversal, "compute", **axes)
+    if axes.get("box") == "williams" and traversal == "bvh-packet-interval":
+        assert "leave it at widened" in (refusal(variant) or "")
+        return
+    found = run(catalogue_scene(name), variant, SIZE)
     same = identical(found.records, alone(name, **axes).records)
     if axes.get("box") == "williams" or axes.get("nodes") == "half":
         # A box that loses a ray is entered all the same when another ray of the packet enters it.
