@@ -1,105 +1,232 @@
-"""All traversals beside embreex and `bvh-stack`: `python -m benchmarks.traversals [SCENE ...]`.
+"""All traversals beside embreex and the paper's best: `python -m benchmarks.traversals [SCENE ...] [--write FILE]`.
 
-One thread, rounds interleaved, every slice in a process of its own; ratios are per CPU-second and taken within one
-run: to embreex frame by frame over the same rays, to `bvh-stack` round by round. Prints a Markdown table.
+Every variant is compiled once and then measured frame by frame in shuffled rounds, in which embreex traces the same
+rays; ratios are taken within a round. On llvmpipe with one thread both are processor seconds, on a GPU frames are wall
+seconds. Primary and shadow rays are measured apart. The paper's traversals walk floats and, where they can, 16-bit
+boxes, all others the formats of `--nodes`; every BVH is built by each of `--builders`. Prints tables in Markdown;
+`--write` puts them between the marks in a document.
 """
 
 from __future__ import annotations
 
 import argparse
+import random
 import sys
-from collections import defaultdict
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
 from statistics import median
-from typing import Any
 
-from renderer.bench import run_slice
+from renderer.build.tree import SahCosts
+from renderer.child import silent
+from renderer.instrumented import records_of
+from renderer.kept_twins import KeptTwins
+from renderer.oracle import Oracle
+from renderer.pilot import Pilot
+from renderer.prepare import prepare
+from renderer.records import Rays
 from renderer.request import Request, parse_size
-from renderer.variant import TRAVERSALS, Variant
+from renderer.variant import TRAVERSALS, Variant, expand, matrix, refusal
 from scenes.catalogue import list_scenes
 
 SCENES = ("cornell-box", "crytek-sponza", "conference", "forest", "cornell-buddha", "happy-buddha")
-COLUMNS = (
-    "scene", "method", "traversal", "Mrays/CPU-s", "to embreex", "to bvh-stack", "nodes/ray", "triangles/ray", "MB",
-    "wrong", "edge", "shadow mismatch",
-)  # fmt: skip
-Rounds = dict[str, list[dict[str, Any]]]
+BEGIN, END = "<!-- measured: traversals -->", "<!-- end of traversals -->"
+HEAD = (
+    "| variant | Mrays/s | to embreex | to bvh-stack | to the paper's best | MB | wrong | edge |\n"
+    "|---|---|---|---|---|---|---|---|"
+)
+SUMMARY = (
+    "| scene | rays | best of | variant | to embreex | to bvh-stack, fragment | compute "
+    "| to the paper's best, fragment | compute |\n|---|---|---|---|---|---|---|---|---|"
+)
+Times = dict[str, list[float]]
 
 
-def measured(scene: str, method: str, options: argparse.Namespace) -> Rounds:
-    """Every round of every traversal, in turn."""
-    rounds: Rounds = defaultdict(list)
-    for index in range(options.rounds):
-        for traversal in TRAVERSALS:
-            if TRAVERSALS[traversal].structure == "none":
-                continue
-            request = Request(
-                scene,
-                Variant(traversal, method),
-                options.size,
-                frames=options.rounds * options.frames,
-                rounds=options.rounds,
-                rays=options.rays,
-                vs_embree=True,
-            )
-            print(f"{scene} {method} {traversal} {index + 1}/{options.rounds}", file=sys.stderr)
-            rounds[traversal].append(run_slice(request, index))
-    return rounds
+@dataclass(frozen=True)
+class Measured:
+    """One scene and kind of rays: `rays` of them a frame, each variant's buffers in bytes, and seconds of each round by
+    variant and of embreex.
+    """
+
+    scene: str
+    kind: str
+    rays: int
+    pilot: Pilot
+    memory: dict[str, int]
+    times: Times
+    embree: list[float]
 
 
-def ratios(rounds: Rounds, traversal: str) -> tuple[list[float], list[float]]:
-    """To embreex, frame by frame, and to `bvh-stack`, round by round."""
-    embree = [
-        theirs / ours
-        for run in rounds[traversal]
-        for ours, theirs in zip(run["frames"]["cpu"], run["embree_cpu"], strict=True)
+def variants(options: argparse.Namespace) -> list[Variant]:
+    """What is measured: the paper's traversals in the formats that they could have taken, and all others."""
+    found = []
+    for name, row in TRAVERSALS.items():
+        if row.structure == "none":
+            continue
+        wanted = ("f32", "grid16") if row.paper or name == "bvh-stack" else expand("nodes", options.nodes)
+        nodes = [one for one in wanted if refusal(Variant(name, "compute", nodes=one)) is None] or ["f32"]
+        axes = {"traversal": (name,), "method": expand("method", options.methods), "nodes": nodes}
+        found += matrix({**axes, "builder": expand("builder", options.builders)}, options.rays[0])[0]
+    return found
+
+
+def measured(scene: str, kind: str, options: argparse.Namespace) -> Measured:
+    """Every round of every variant, in an order drawn anew for each."""
+    requests = [
+        Request(scene, one, options.size, frames=1, rounds=1, rays=kind, costs=options.sah) for one in variants(options)
     ]
-    stack = [
-        median(base["frames"]["cpu"]) / median(run["frames"]["cpu"])
-        for base, run in zip(rounds["bvh-stack"], rounds[traversal], strict=True)
-    ]
-    return embree, stack
+    pilot = Pilot(requests, KeptTwins(1))
+    memory = {one.label: one.memory for one in pilot.candidates(silent)}
+    labels = list(memory)
+    against, rays = _embree(pilot, requests[0], kind)
+    times: Times = {label: [] for label in labels}
+    embree: list[float] = []
+    chance = random.Random(options.seed)
+    for number in range(options.rounds):
+        print(f"{scene} {kind} {number + 1}/{options.rounds}", file=sys.stderr)
+        embree.append(against())
+        chance.shuffle(labels)
+        for label, seconds in pilot.measure(labels, options.size, options.frames).items():
+            if isinstance(seconds, str):
+                print(f"{label}: {seconds}", file=sys.stderr)
+                times.pop(label, None)
+            elif label in times:
+                times[label].append(seconds)
+        labels = [label for label in labels if label in times]
+    return Measured(scene, kind, rays, pilot, memory, times, embree)
+
+
+def _embree(pilot: Pilot, request: Request, kind: str) -> tuple[Callable[[], float], int]:
+    """What traces the frame's rays with embreex and tells its CPU seconds, and their number."""
+    ready = prepare(request, pilot.scene)
+    plan = ready.plan(instrument=True)
+    records = records_of(ready, plan, pilot.host.collect(plan))
+    rays: Rays = records.primary if kind == "primary" else records.shadow
+    oracle = Oracle(pilot.scene.vertices, pilot.scene.faces)
+    trace = oracle.trace_closest if kind == "primary" else oracle.trace_occluded
+
+    def seconds() -> float:
+        begun = time.process_time()
+        trace(rays)
+        return time.process_time() - begun
+
+    return seconds, len(rays)
+
+
+def ratios(base: Iterable[float], ours: Iterable[float]) -> list[float]:
+    """How many times as fast as the base, round by round."""
+    return [theirs / own for theirs, own in zip(base, ours, strict=True)]
 
 
 def spread(values: list[float]) -> str:
     return f"{median(values):.2f} ({min(values):.2f}–{max(values):.2f})"
 
 
-def report(scene: str, method: str, rounds: Rounds, rays: str) -> None:
-    """One row a traversal."""
-    for traversal, runs in rounds.items():
-        first = runs[0]
-        count = sum(first["rays"].values()) if rays == "both" else first["rays"][rays]
-        speed = count / median([time for run in runs for time in run["frames"]["cpu"]]) / 1e6
-        embree, stack = ratios(rounds, traversal)
-        per_ray, error = first["per_ray"], first["error"]
-        wrong = sum(error[name] or 0.0 for name in ("false_hit", "false_miss", "wrong_primitive"))
-        print(
-            f"| {scene} | {method} | {traversal} | {speed:.2f} | {spread(embree)} | {spread(stack)} "
-            f"| {per_ray['nodes']:.1f} | {per_ray['triangles']:.1f} | {first['structure_bytes'] / 1e6:.2f} "
-            f"| {wrong:.1e} | {error['edge'] or 0.0:.1e} | {error['shadow_mismatch'] or 0.0:.1e} |",
-            flush=True,
-        )
+def fastest(found: Measured, wanted: Callable[[Variant], bool]) -> str:
+    """The variant of least median time among those wanted."""
+    labels = [label for label in found.times if wanted(found.pilot.requests[label].variant)]
+    return min(labels, key=lambda label: median(found.times[label]))
+
+
+def is_base(method: str) -> Callable[[Variant], bool]:
+    """Whether a variant is the reference: `bvh-stack` over the plain tree in floats."""
+    return lambda variant: variant == Variant("bvh-stack", method)
+
+
+def is_paper(method: str) -> Callable[[Variant], bool]:
+    """Whether a variant is one of the paper's over trees as the paper builds them."""
+    return lambda one: TRAVERSALS[one.traversal].paper and (one.method, one.builder) == (method, "sah")
+
+
+def _is_packet(variant: Variant) -> bool:
+    return TRAVERSALS[variant.traversal].packet
+
+
+def _is_single(variant: Variant) -> bool:
+    return not _is_packet(variant)
+
+
+def table(found: Measured, size: tuple[int, int]) -> str:
+    """A row a variant, the fastest first; ratios to what has the same method."""
+    lines = [f"`{found.scene}`, {found.kind} rays, {found.rays:,} a frame", "", HEAD]
+    for label in sorted(found.times, key=lambda one: median(found.times[one])):
+        variant, times = found.pilot.requests[label].variant, found.times[label]
+        judged = found.pilot.judge(label, size)
+        errors = None if isinstance(judged, str) else found.pilot.facts[label].errors
+        wrong = "–" if isinstance(judged, str) else f"{judged.wrong:.1e}"
+        edge = "–" if errors is None or errors.edge is None else f"{errors.edge:.1e}"
+        stack = found.times[fastest(found, is_base(variant.method))]
+        paper = found.times[fastest(found, is_paper(variant.method))]
+        beside = [spread(ratios(base, times)) for base in (found.embree, stack, paper)]
+        cells = [label, f"{found.rays / median(times) / 1e6:.2f}", *beside, f"{found.memory[label] / 1e6:.2f}"]
+        lines.append("| " + " | ".join([*cells, wrong, edge]) + " |")
+    return "\n".join(lines)
+
+
+def summary(found: Measured, methods: Iterable[str]) -> list[str]:
+    """The best without packets, and the best of all; beside the reference and the paper's best of each method."""
+    rows = []
+    for kind, which_of in (("single rays", _is_single), ("packets", _is_packet)):
+        best = fastest(found, which_of)
+        times = found.times[best]
+        beside = [
+            spread(ratios(found.times[fastest(found, which(method))], times)) if method in methods else "–"
+            for which in (is_base, is_paper)
+            for method in ("fragment", "compute")
+        ]
+        cells = [found.scene, found.kind, kind, best, spread(ratios(found.embree, times)), *beside]
+        rows.append("| " + " | ".join(cells) + " |")
+    return rows
+
+
+def costs(text: str) -> SahCosts:
+    """Read `CT,CI`."""
+    traversal, intersection = text.split(",")
+    return SahCosts(float(traversal), float(intersection))
+
+
+def write(path: Path, text: str) -> None:
+    """Put the tables between the document's marks."""
+    before, mark, rest = path.read_text(encoding="utf-8").partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not mark or not end:
+        raise SystemExit(f"{path} has no lines {BEGIN} and {END}: add them where the tables are to stand.")
+    path.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", metavar="SCENE")
     parser.add_argument("--size", type=parse_size, default=(512, 512))
-    parser.add_argument("--rays", choices=("primary", "shadow", "both"), default="primary")
-    parser.add_argument("--methods", default="fragment")
-    parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--frames", type=int, default=3, help="a round")
+    parser.add_argument("--rays", type=lambda text: text.split(","), default=["primary", "shadow"])
+    parser.add_argument("--methods", default="fragment,compute")
+    parser.add_argument("--nodes", default="grid16,quant8")
+    parser.add_argument("--builders", default="sah,reinserted,sbvh-reinserted")
+    parser.add_argument("--sah", type=costs, default=SahCosts(1.0, 1.0), metavar="CT,CI")
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--frames", type=int, default=1, help="a round, of which the fastest counts")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--write", type=Path, metavar="FILE", help="a document with marks for the tables")
     options = parser.parse_args()
     here = {row["name"] for row in list_scenes() if row["here"]}
-    print(f"{options.rays} rays, {options.size[0]}x{options.size[1]}, one thread: median (least–most)\n")
-    print(
-        "| scene | method | traversal | Mrays/CPU-s | to embreex | to bvh-stack | nodes/ray | triangles/ray | MB ",
-        end="",
-    )
-    print("| wrong | edge | shadow mismatch |\n" + "|---" * 12 + "|")
+    tables, rows, head = [], [], ""
     for scene in options.scenes or [name for name in SCENES if name in here]:
-        for method in options.methods.split(","):
-            report(scene, method, measured(scene, method, options), options.rays)
+        for kind in options.rays:
+            found = measured(scene, kind, options)
+            clock = "processor" if found.pilot.clock == "cpu" else "wall"
+            head = (
+                f"{found.pilot.device['name']}; {options.size[0]}x{options.size[1]}, {options.rounds} rounds, seed "
+                f"{options.seed}, SAH costs ({options.sah.traversal:g}, {options.sah.intersection:g}), {clock} "
+                "seconds: median (least–most)"
+            )
+            tables.append(table(found, options.size))
+            rows += summary(found, options.methods.split(","))
+            print(tables[-1], flush=True)
+    text = "\n\n".join([head, "\n".join([SUMMARY, *rows]), *tables])
+    print(text.split("\n\n" + tables[0])[0])
+    if options.write is not None:
+        write(options.write, text)
 
 
 if __name__ == "__main__":
