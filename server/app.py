@@ -22,6 +22,7 @@ from server.api import frames as api_frames
 from server.api import hard_cases as api_hard_cases
 from server.api import jobs as api
 from server.api import pictures as api_pictures
+from server.api import predictors as api_predictors
 from server.api import profiles as api_profiles
 from server.api import recommendations as api_recommendations
 from server.api import schema
@@ -67,6 +68,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(api_devices.router)
     app.include_router(api_hard_cases.router)
     app.include_router(api_pictures.router)
+    app.include_router(api_predictors.router)
     app.include_router(api_profiles.router)
     app.include_router(api_recommendations.router)
     app.include_router(api_trace.router)

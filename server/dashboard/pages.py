@@ -18,6 +18,7 @@ from server.dashboard import (
     page_job,
     page_login,
     page_pictures,
+    page_predictors,
     page_recommend,
     page_report,
     page_scenes,
@@ -43,6 +44,7 @@ def install(app: FastAPI) -> None:
         page_submit,
         page_devices,
         page_pictures,
+        page_predictors,
         page_recommend,
         page_scenes,
     ):
