@@ -33,10 +33,10 @@ _VARIANT = (*(axis for axis in AXES if axis != "builder"), "size")
 class Predicted:
     """One predictor on one device, over `results` of `variants`.
 
-    `explained` is the share of the variance of log time (R^2), `exponent` the fitted power, `off_by` the factor by which
-    a prediction is typically wrong (root mean square of the logarithm); `weight` that of end-point overlap, if it is
-    part. `across` are `explained` and `off_by` with one factor for all variants. `points` are predictor and time over
-    their variant's geometric means.
+    `explained` is the share of the variance of log time (R^2), `exponent` the fitted power, `off_by` the factor by
+    which a prediction is typically wrong (root mean square of the logarithm); `weight` that of end-point overlap, if it
+    is part. `across` are `explained` and `off_by` with one factor for all variants. `points` are predictor and time
+    over their variant's geometric means.
     """
 
     key: str
