@@ -2,7 +2,7 @@
 
 The statue in the Cornell box and the forest are made with 10^3 (the forest with 4 000) to 10^6 triangles and rendered
 at 512x512; one of each is rendered from 128^2 to 2048^2 pixels. Primary rays, processor seconds with one thread, the
-median of interleaved rounds. Prints tables in Markdown with the power p fitted to each line, time = c n^p, and draws it.
+median of interleaved rounds. Prints tables in Markdown with the power p fitted to each line (time = c n^p), and draws.
 """
 
 from __future__ import annotations
