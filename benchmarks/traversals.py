@@ -4,7 +4,7 @@ Every variant is compiled once and then measured frame by frame in shuffled roun
 rays; ratios are taken within a round. On llvmpipe with one thread both are processor seconds, on a GPU frames are wall
 seconds. Primary and shadow rays are measured apart. The paper's traversals walk floats and, where they can, 16-bit
 boxes, all others the formats of `--nodes`; every BVH is built by each of `--builders`. Prints tables in Markdown;
-`--write` puts them between the marks in a document.
+`--write` puts the best variant of each traversal between the marks in a document.
 """
 
 from __future__ import annotations
@@ -139,6 +139,16 @@ def is_paper(method: str) -> Callable[[Variant], bool]:
     return lambda one: TRAVERSALS[one.traversal].paper and (one.method, one.builder) == (method, "sah")
 
 
+def best_of_each(found: Measured) -> list[str]:
+    """The fastest variant of each traversal."""
+    walks = {found.pilot.requests[label].variant.traversal for label in found.times}
+    return [fastest(found, _walks(walk)) for walk in walks]
+
+
+def _walks(traversal: str) -> Callable[[Variant], bool]:
+    return lambda variant: variant.traversal == traversal
+
+
 def _is_packet(variant: Variant) -> bool:
     return TRAVERSALS[variant.traversal].packet
 
@@ -147,10 +157,10 @@ def _is_single(variant: Variant) -> bool:
     return not _is_packet(variant)
 
 
-def table(found: Measured, size: tuple[int, int]) -> str:
+def table(found: Measured, size: tuple[int, int], labels: Iterable[str]) -> str:
     """A row a variant, the fastest first; ratios to what has the same method."""
     lines = [f"`{found.scene}`, {found.kind} rays, {found.rays:,} a frame", "", HEAD]
-    for label in sorted(found.times, key=lambda one: median(found.times[one])):
+    for label in sorted(labels, key=lambda one: median(found.times[one])):
         variant, times = found.pilot.requests[label].variant, found.times[label]
         judged = found.pilot.judge(label, size)
         errors = None if isinstance(judged, str) else found.pilot.facts[label].errors
@@ -220,13 +230,13 @@ def main() -> None:
                 f"{options.seed}, SAH costs ({options.sah.traversal:g}, {options.sah.intersection:g}), {clock} "
                 "seconds: median (least–most)"
             )
-            tables.append(table(found, options.size))
+            print(table(found, options.size, found.times), "\n", flush=True)
+            tables.append(table(found, options.size, best_of_each(found)))
             rows += summary(found, options.methods.split(","))
-            print(tables[-1], flush=True)
-    text = "\n\n".join([head, "\n".join([SUMMARY, *rows]), *tables])
-    print(text.split("\n\n" + tables[0])[0])
+    overview = f"{head}\n\n" + "\n".join([SUMMARY, *rows])
+    print(overview)
     if options.write is not None:
-        write(options.write, text)
+        write(options.write, "\n\n".join([overview, *tables]))
 
 
 if __name__ == "__main__":
