@@ -18,7 +18,7 @@ MAX_SLICES = 20_000
 MAX_REPEATS = 1000
 MAX_COMBINATIONS = 100_000
 BRUTE_FORCE_LIMIT = 1e9
-"""`all` leaves out `brute-force` above this many ray-triangle tests a frame."""
+"""`all` leaves out what tests every triangle above this many ray-triangle tests a frame."""
 
 FIELD_AXES = {"size": "size", "costs": "sah", "specialise": "specialise"}
 """The fields of a study that are also axes."""
@@ -159,7 +159,8 @@ def _too_much(study: Study, axes: Axes, entry: Entry, variant: Variant) -> str |
     if tests <= BRUTE_FORCE_LIMIT:
         return None
     return (
-        f"all leaves out brute-force above 10^9 ray-triangle tests a frame; at {width}x{height} they are {tests:.1e}."
+        f"all leaves out {variant.traversal} above 10^9 ray-triangle tests a frame; "
+        f"at {width}x{height} they are {tests:.1e}."
     )
 
 

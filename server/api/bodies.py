@@ -95,15 +95,15 @@ class JobBody(Body):
     """One variant on one scene; the names are those of a result."""
 
     scene: Name
-    traversal: str = "bvh-stack"
-    method: str = "fragment"
-    layout: str = "normal"
-    intersector: str = "moller-trumbore"
-    box: str = "widened"
-    nodes: str = "f32"
-    precision: str = "highp"
-    offset: str = "constant"
-    builder: str = "sah"
+    traversal: str = Variant.traversal
+    method: str = Variant.method
+    layout: str = Variant.layout
+    intersector: str = Variant.intersector
+    box: str = Variant.box
+    nodes: str = Variant.nodes
+    precision: str = Variant.precision
+    offset: str = Variant.offset
+    builder: str = Variant.builder
     size: Size = (1024, 1024)
     frames: int = 12
     rounds: int | None = None

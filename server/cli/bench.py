@@ -27,7 +27,9 @@ ROUNDS = 4
 
 RoundsOption = Annotated[
     int | None,
-    typer.Option(help="Rounds, each in fresh processes; by default 3, or as few as the frames.", show_default=False),
+    typer.Option(
+        help=f"Rounds, each in fresh processes; by default {ROUNDS}, or as few as the frames.", show_default=False
+    ),
 ]
 DeviceOption = Annotated[
     str | None,
@@ -76,8 +78,8 @@ def bench(
 ) -> None:
     """Measure SCENE here or on a phone, without a server.
 
-    Combinations that are refused are left out and listed; `all` leaves out brute-force above 10^9 ray-triangle tests
-    a frame. The exit code is 1 when a variant failed and 2 for bad input.
+    Combinations that are refused are left out and listed; `all` leaves out what tests every triangle above 10^9
+    ray-triangle tests a frame. The exit code is 1 when a variant failed and 2 for bad input.
     """
     from renderer.request import parse_size
     from server.cli.plan import plan_here, print_refused, read_camera, read_costs, read_switch

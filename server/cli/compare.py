@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from renderer.variant import Variant
 from server.cli.common import Client, ClientError, JsonFlag, ServerOption, make_console, print_json
 from server.cli.table import print_comparison, print_fronts
 from server.comparison.differences import DEFAULT_GATE
@@ -27,7 +28,9 @@ def compare(
     rows: Annotated[str | None, typer.Option(help="What stands on the rows, comma separated.")] = None,
     cols: Annotated[str | None, typer.Option(help="What stands on the columns.")] = None,
     sort: Annotated[str | None, typer.Option(help="A column, best first; with - before it, worst first.")] = None,
-    ratio_to: Annotated[str | None, typer.Option(help="A row, as bvh-stack, that all others get a ratio to.")] = None,
+    ratio_to: Annotated[
+        str | None, typer.Option(help=f"A row, as {Variant.traversal}, that all others get a ratio to.")
+    ] = None,
     front: Annotated[str | None, typer.Option(help="Tell the Pareto front of speed against error or size.")] = None,
     csv: Annotated[bool, typer.Option("--csv", help="Print every result as a line of CSV.")] = False,
     form: Annotated[

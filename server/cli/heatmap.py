@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
+from renderer.variant import Variant
+from server.cli.axis_options import with_axes
 from server.cli.common import SOME_FAILED, JsonFlag, print_json
-from server.cli.options import CameraOption, OptionError, SahOption, SceneArgument, SizeOption, Words
+from server.cli.options import CameraOption, OptionError, SahOption, SceneArgument, SizeOption
 
 if TYPE_CHECKING:
     from renderer.counts import Counts
@@ -28,16 +30,12 @@ RAYS = {"primary": "primary rays", "shadow": "shadow rays", "both": "primary and
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command()(heatmap)
+    app.command()(with_axes(heatmap, Variant().as_dict()))
 
 
 def heatmap(
     scene: SceneArgument,
-    traversal: Words = "bvh-stack",
-    method: Words = "fragment",
-    layout: Words = "normal",
-    box: Words = "widened",
-    builder: Words = "sah",
+    axes: dict[str, str],
     rays: Annotated[str, typer.Option(help="Whose work is counted: primary, shadow or both.")] = "both",
     size: SizeOption = "1024",
     sah: SahOption = "3.0,1.5",
@@ -59,7 +57,6 @@ def heatmap(
     from server.studies import Study
 
     require_metric(metric)
-    axes = {"traversal": traversal, "method": method, "layout": layout, "box": box, "builder": builder}
     study = Study((scene,), axes, size=parse_size(size), frames=1, rounds=1, rays=rays, costs=read_costs(sah))
     here = plan_here(study, read_camera(camera))
     path = _writable(output or Path(f"heatmap-{Path(here.scene.name).stem}.png"))

@@ -7,7 +7,6 @@ from typing import Annotated
 import typer
 
 SceneArgument = Annotated[str, typer.Argument(help="A scene of the catalogue, or any mesh file.")]
-Words = Annotated[str, typer.Option(help="A value, a comma list, paper or all.", metavar="WORDS")]
 SizeOption = Annotated[str, typer.Option(help="The image in pixels, as 512 or 640x480.", metavar="W[xH]")]
 SahOption = Annotated[str, typer.Option(help="The SAH's costs of a traversal step and a test.", metavar="CT,CI")]
 CameraOption = Annotated[

@@ -47,12 +47,12 @@ def plan_here(study: Study, camera: Camera | None = None, threads: int = 1) -> H
 
 def slow_warning(here: Here, frames: int) -> str | None:
     """How long `frames` of brute force take where it was asked for by name above the limit of `all`; else None."""
-    tests = max(_tests_of_frame(request, here.scene) for request in here.requests)
+    tests, traversal = max((_tests_of_frame(one, here.scene), one.variant.traversal) for one in here.requests)
     if tests <= BRUTE_FORCE_LIMIT:
         return None
     seconds = tests * TEST_S
     return (
-        f"brute-force makes up to {tests:.1e} ray-triangle tests a frame here: about {seconds:,.0f} s a frame, "
+        f"{traversal} makes up to {tests:.1e} ray-triangle tests a frame here: about {seconds:,.0f} s a frame, "
         f"{seconds * frames:,.0f} s in all."
     )
 

@@ -10,7 +10,7 @@ from fastapi.responses import Response
 from renderer.recommend import ROUNDS
 from renderer.recommend_query import ERROR_BUDGET
 from renderer.request import RAYS
-from renderer.variant import AXES
+from renderer.variant import AXES, TRAVERSALS
 from server.api.recommendations import find_recommendation, latest, recommendation_line, recommendation_view
 from server.api.state import database_of
 from server.considered import considered
@@ -33,8 +33,7 @@ def recommend_page(request: Request) -> Response:
             "devices": known_devices(session),
             "recommendations": [recommendation_line(job) for job in latest(session, SHOWN)],
         }
-    usual = considered()
-    ticked = {axis: values if usual[axis] == "all" else (usual[axis],) for axis, values in AXES.items()}
+    ticked = {axis: _ticked(axis, value) for axis, value in considered().items()}
     scenes = [scene for scene in list_scenes() if scene["here"]]
     asked = {"scene": request.query_params.get("scene", ""), "error": ERROR_BUDGET, "rounds": ROUNDS}
     return render(
@@ -58,6 +57,12 @@ def recommendation_page(job_id: str, request: Request) -> Response:
             "wait": wait_of(session, job, request.app.state.lease_s),
         }
     return render(request, "recommendation.html", context)
+
+
+def _ticked(axis: str, usual: str) -> tuple[str, ...]:
+    """What is ticked of an axis: of `all` what walks a structure, as what is ticked is asked for by name."""
+    values = AXES[axis] if usual == "all" else (usual,)
+    return tuple(value for value in values if axis != "traversal" or TRAVERSALS[value].structure != "none")
 
 
 def _found(document: Json | None) -> Json | None:
