@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import time
 from collections.abc import Callable, Iterator
@@ -13,6 +14,9 @@ import numpy.typing as npt
 
 from renderer.host import Frames, Tile
 from renderer.plan import GROUP, Pass, Plan, PlanError, Texture, Uniform, refuse_beyond
+
+_PLACE = re.compile(r"\d+:(\d+)\b")
+"""Where a compiler says that its error is: a string of the text, and a line."""
 
 _VECTORS = {"vec2": 2, "vec3": 3, "mat4": 16}
 
@@ -181,8 +185,8 @@ class Twin:
                 return self.context.compute_shader(stages["compute"])
             return self.context.program(vertex_shader=stages["vertex"], fragment_shader=stages["fragment"])
         except moderngl.Error as error:
-            first = next((line for line in str(error).splitlines() if "error" in line and ":" in line), str(error))
-            raise PlanError(f"The program {name} does not compile on this device: {first.strip()}") from error
+            complaint = _complaint(str(error), stages)
+            raise PlanError(f"The program {name} does not compile on this device: {complaint}") from error
 
     def _vertex_array(self, step: Pass) -> Any:
         program = self._programs[step.program]
@@ -215,3 +219,13 @@ def check_limits(context: Any, plan: Plan) -> None:
     """Raise PlanError naming the limit, what is needed and what the device has."""
     offered = {name.removeprefix("GL_MAX_"): value for name, value in context.info.items()}
     refuse_beyond(offered, plan)
+
+
+def _complaint(log: str, stages: dict[str, str]) -> str:
+    """The first error of a compiler's log, with the line of the flattened text that it is about."""
+    first = next((line for line in log.splitlines() if "error" in line and ":" in line), log).strip()
+    place = _PLACE.match(first)
+    text = next((text for stage, text in stages.items() if f"{stage}_shader" in log), "").splitlines()
+    if place is None or not 0 < int(place.group(1)) <= len(text):
+        return first
+    return f"{first}, in `{text[int(place.group(1)) - 1].strip()}`"

@@ -6,9 +6,9 @@ import difflib
 from dataclasses import replace
 from typing import Any
 
-from scenes import places
+from scenes import places, procedural
+from scenes.cornell import original_box
 from scenes.entry import Download, Entry, SourceFile
-from scenes.procedural import FOREST_EYE, FOREST_TRIANGLES
 from scenes.scene import Camera, SceneError
 
 ARCHIVE = "https://casual-effects.com/data"
@@ -44,7 +44,7 @@ CORNELL_BOX = Entry(
     # The symmetric view, which looks along edges; the light hangs below the lamp at y = 1.98.
     camera=Camera((0.0, 1.0, 3.9), (0.0, 1.0, 0.0), 40.0),
     lights=((0.0, 1.9, -0.03),),
-    made="cornell-box",
+    made=lambda _: original_box(),
 )
 HAPPY_BUDDHA = Entry(
     name="happy-buddha",
@@ -197,11 +197,12 @@ FOREST = Entry(
     source=f"made by RayFarm: {STAND_IN}",
     page="",
     licence="RayFarm's own",
-    triangles=FOREST_TRIANGLES,
-    camera=Camera(FOREST_EYE, (0.0, 1.4, 0.0), 60.0),
+    triangles=procedural.FOREST_TRIANGLES,
+    camera=Camera(procedural.FOREST_EYE, (0.0, 1.4, 0.0), 60.0),
     lights=((7.0, 16.0, 5.0),),
     note=f"{STAND_IN}; forest:N asks for N triangles",
-    made="forest",
+    made=procedural.forest,
+    sized=True,
 )
 CORNELL_STATUE = replace(
     CORNELL_BOX,
@@ -211,7 +212,8 @@ CORNELL_STATUE = replace(
     triangles=STATUE_TRIANGLES,
     normals="smooth",
     note="cornell-statue:N asks for about N triangles",
-    made="cornell-statue",
+    made=procedural.statue,
+    sized=True,
     boxed=True,
 )
 
@@ -288,4 +290,4 @@ def list_scenes() -> list[dict[str, Any]]:
 
 def is_here(entry: Entry) -> bool:
     """Whether the scene can be loaded without a download."""
-    return bool(entry.made) or places.find_source(entry) is not None
+    return entry.made is not None or places.find_source(entry) is not None

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from scenes.mesh import Mesh
 from scenes.scene import Camera, Point
 
 Normals = Literal["file", "smooth", "flat"]
-Maker = Literal["", "cornell-box", "forest", "cornell-statue"]
+Maker = Callable[[int], Mesh]
+"""Makes a scene's geometry of about so many triangles; SceneError for a count that it cannot make."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +49,10 @@ class Download:
 class Entry:
     """One named scene; `triangles` is what the loaded scene has.
 
-    Without a `camera` or `lights` automatic ones are used. A scene that is `made` needs no file; any other is
-    the first of `forms` that is here. One that is `boxed` stands in the empty Cornell box. `drop` names OBJ
-    objects that are left out. `get` says how to come by the geometry.
+    Without a `camera` or `lights` automatic ones are used. A scene that is `made` needs no file, and one that is
+    `sized` may have another number of triangles: its name is then followed by `:N`. Any other scene is the first
+    of `forms` that is here. One that is `boxed` stands in the empty Cornell box. `drop` names OBJ objects that
+    are left out. `get` says how to come by the geometry.
     """
 
     name: str
@@ -64,7 +68,8 @@ class Entry:
     get: str = "needs no download"
     files: tuple[SourceFile, ...] = ()
     download: Download | None = None
-    made: Maker = ""
+    made: Maker | None = None
+    sized: bool = False
     boxed: bool = False
     drop: tuple[str, ...] = ()
 
@@ -72,8 +77,3 @@ class Entry:
     def forms(self) -> tuple[SourceFile, ...]:
         """`files`, and what fetching keeps; that one was checked when it was fetched."""
         return self.files + ((SourceFile(self.download.kept_as),) if self.download else ())
-
-    @property
-    def sized(self) -> bool:
-        """Whether the name may be followed by `:N` to ask for N triangles."""
-        return self.made in ("forest", "cornell-statue")

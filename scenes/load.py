@@ -6,7 +6,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from scenes import catalogue, cornell, places, procedural
+from scenes import catalogue, cornell, places
 from scenes.entry import Entry, Normals
 from scenes.mesh import Mesh, read_mesh
 from scenes.normals import smooth_normals
@@ -39,7 +39,8 @@ def load(name_or_path: str, *, camera: Camera | None = None) -> Scene:
 
 def load_entry(entry: Entry, *, camera: Camera | None = None) -> Scene:
     """The scene of a catalogue entry; see `load`."""
-    mesh = _made(entry) if entry.made else _from_file(entry)
+    expected = entry.triangles - catalogue.BOX_TRIANGLES * entry.boxed
+    mesh = _from_file(entry, expected) if entry.made is None else entry.made(expected)
     if entry.boxed:
         mesh = cornell.in_empty_box(mesh)
     lights = entry.lights or (automatic_light(mesh.vertices, mesh.faces),)
@@ -72,21 +73,12 @@ def _find_path(text: str) -> Path:
     raise SceneError(catalogue.unknown(text))
 
 
-def _made(entry: Entry) -> Mesh:
-    if entry.made == "forest":
-        return procedural.forest(entry.triangles)
-    if entry.made == "cornell-statue":
-        return procedural.statue(entry.triangles - catalogue.BOX_TRIANGLES)
-    return cornell.original_box()
-
-
-def _from_file(entry: Entry) -> Mesh:
+def _from_file(entry: Entry, expected: int) -> Mesh:
     found = places.find_source(entry, verified=True)
     if found is None:
         raise SceneError(_not_here(entry))
     path, file = found
     mesh = read_mesh(path, entry.drop)
-    expected = entry.triangles - catalogue.BOX_TRIANGLES * entry.boxed
     # A checksum says more than a count.
     if file.sha256 is None and len(mesh.faces) != expected:
         raise SceneError(

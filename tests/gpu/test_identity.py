@@ -8,7 +8,7 @@ import pytest
 from running import WALKS, Run, catalogue_scene, run
 
 from renderer.accuracy import identical
-from renderer.variant import Variant
+from renderer.variant import TRAVERSALS, Variant
 
 SMALL = {"cornell-box": (256, 256), "crytek-sponza": (64, 64)}
 LARGE = ("crytek-sponza", "forest", "cornell-buddha")
@@ -25,7 +25,7 @@ def brute(name: str) -> Run:
 @cache
 def walked(name: str, traversal: str) -> Run:
     # Eight orders of the Buddha's nodes fit into one block in 16 bits only.
-    nodes = "grid16" if traversal == "bvh-skip-octants" else "f32"
+    nodes = "grid16" if TRAVERSALS[traversal].nodes == "skip-octants" else "f32"
     return run(catalogue_scene(name), Variant(traversal, nodes=nodes), SIDE)
 
 
