@@ -17,7 +17,7 @@ SHOWN = 50
 
 
 @router.get("/")
-def comparisonrender(request: Request) -> Response:
+def compare_page(request: Request) -> Response:
     """The comparison; the query string is its whole state."""
     selection = read_selection(request.query_params)
     database = database_of(request)

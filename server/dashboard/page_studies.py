@@ -11,6 +11,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import Response
 from sqlalchemy import select
 
+from renderer.variant import AXES, Variant
 from server.api.events import feed_of
 from server.api.state import database_of
 from server.api.study_views import study_lines, study_view
@@ -52,6 +53,7 @@ def study_page(study_id: str, request: Request) -> Response:
         "settings": [key for key in ("size", "sah") if len({job[key] for job in study["jobs"]}) > 1],
         "reported": study["name"] == REPORTED,
         "halves": _halves(study["id"]) if study["name"] == SPECIALISE else "",
+        "left_out": _left_out(study["refused"]),
         "after": after,
         "open_states": OPEN,
     }
@@ -62,6 +64,15 @@ def _halves(study_id: int) -> str:
     """Where the specialised half of a study is held against the general one."""
     sides = {"baseline": f"study:{study_id},specialise=off", "against": f"study:{study_id},specialise=on"}
     return f"/difference?{urlencode(sides)}"
+
+
+def _left_out(refused: Sequence[Json]) -> dict[str, list[str]]:
+    """What was left out, by the reason."""
+    groups: dict[str, list[str]] = defaultdict(list)
+    for item in refused:
+        variant = Variant(**{axis: item[axis] for axis in AXES if axis in item})
+        groups[item["reason"]].append(f"{variant.label} on {item['scene']}" if item["scene"] else variant.label)
+    return dict(groups)
 
 
 def _by_scene(jobs: Sequence[Json]) -> list[tuple[str, list[Json], int]]:

@@ -232,6 +232,8 @@ def test_a_newcomer_is_told_what_this_is_and_starts_the_demo(browser: Chrome, tm
         page.find_element(By.ID, "demo").click()
         WebDriverWait(page, 20).until(lambda p: "/studies/1" in p.current_url)
         assert fresh.get("studies/1")["name"] == "demo"
+        page.get(str(fresh.client.base_url))
+        assert page.find_element(By.CSS_SELECTOR, ".lead a").text == "Study 1: demo"
         problems = [entry for entry in _log(page, "browser") if entry["level"] in ("SEVERE", "WARNING")]
         page.get("about:blank")
     assert problems == []

@@ -177,6 +177,17 @@ def test_only_the_paper_has_a_report(page: Chrome, service: Service) -> None:
         assert len(page.find_elements(By.CSS_SELECTOR, f"a[href='/studies/{number}/report']")) == reports
 
 
+def test_what_was_left_out_is_told_by_reason_and_by_name(page: Chrome, service: Service) -> None:
+    axes = {"traversal": "bvh-stack,kd-backtrack", "nodes": "all"}
+    service.post("studies", name="mine", scenes="cornell-box", size=16, axes=axes)
+    page.get(f"{address(service)}/studies/1")
+    (told,) = page.find_elements(By.CSS_SELECTOR, ".refused summary")
+    assert told.text.startswith("2 combinations: a KD-tree's planes say")
+    told.click()
+    names = page.find_element(By.CSS_SELECTOR, ".refused details").text.splitlines()[1]
+    assert names == "kd-backtrack fragment normal grid16; kd-backtrack fragment normal half"
+
+
 @pytest.mark.parametrize("path", ["submit", "studies", "studies/1"])
 def test_pages_fit_a_narrow_screen_and_name_their_controls(page: Chrome, service: Service, path: str) -> None:
     service.post("studies", name="mine", scenes="cornell-box", axes={"traversal": "paper", "sah": "3,1; 2,1"})
