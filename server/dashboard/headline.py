@@ -141,9 +141,9 @@ def _models(model: Json, flat: Json) -> list[Line]:
     if flat.get("per_ray_lines") is not None:
         found.append(Line("Cache lines per ray, a model", f"{flat['per_ray_lines']:.3g}", str(lines.get("text") or "")))
     if model.get("alu_per_fragment") is not None:
-        a_ray = "" if model.get("alu_per_ray") is None else f"{model['alu_per_ray']:,.4g} a ray. "
+        a_ray = "" if model.get("alu_per_ray") is None else f"{model['alu_per_ray']:,.0f} a ray. "
         text = f"{a_ray}{model.get('alu_text') or ''}"
-        found.append(Line("ALU per fragment, a model", f"{model['alu_per_fragment']:,.4g}", text))
+        found.append(Line("ALU per fragment, a model", f"{model['alu_per_fragment']:,.0f}", text))
     return found
 
 

@@ -24,6 +24,14 @@ from server.store.records import Order, add_jobs, add_result
 
 HOSTILE = "</script><b>mov.u32u32 r0.x</b>"
 GPUS = ("adreno-540", "mali-g57")
+ASTRAY = """
+const align = (cell) => getComputedStyle(cell).textAlign;
+return [...document.querySelectorAll("table.compiled")].flatMap((table) => {
+  const cells = table.tBodies[0].rows[0]?.cells ?? [];
+  return [...table.tHead.rows[0].cells].filter((head, i) => cells[i] && align(head) !== align(cells[i]));
+}).map((head) => head.textContent);
+"""
+"""The heads of tables of estimates that are not aligned as what stands below them."""
 
 
 def row(gpu: str, alu: float | None) -> dict[str, Any]:
@@ -145,6 +153,7 @@ def test_pages_show_estimates_beside_what_a_phone_measured(service: Service, tmp
             for word in words:
                 assert word in shown, path
             assert not browser.find_elements(By.CSS_SELECTOR, "pre b")
+            assert browser.execute_script(ASTRAY) == []
         browser.get(f"{service.client.base_url}/compile")
         browser.find_element(By.CSS_SELECTOR, "#compile button").click()
         WebDriverWait(browser, 10).until(lambda page: "/studies/" in page.current_url)

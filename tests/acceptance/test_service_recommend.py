@@ -74,6 +74,8 @@ def test_pages_show_the_form_and_what_came_of_it(service: Service) -> None:
     page = service.client.get(first["page"])
     assert "Take bvh-stack" in page.text
     assert "none: too few rounds" in page.text
+    assert "kept. It took" in page.text
+    assert "0.0e+00" not in page.text
     listed = service.client.get("/recommend?scene=forest")
     assert 'value="forest" selected' in listed.text
     assert first["page"] in listed.text

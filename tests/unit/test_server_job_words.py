@@ -67,7 +67,7 @@ def test_a_figure_says_what_it_is_or_why_it_is_not(
 def test_models_are_labelled_as_such_and_say_how() -> None:
     model = {
         "lines": {"text": "64-byte lines."},
-        "alu_per_fragment": 1234.5,
+        "alu_per_fragment": 13756.2,
         "alu_per_ray": None,
         "alu_text": "Counted.",
     }
@@ -75,7 +75,7 @@ def test_models_are_labelled_as_such_and_say_how() -> None:
     found = headline({**document, "model": model, "per_ray": {**document["per_ray"], "lines": 12.25}}, ASKED)
     assert [(one.name, one.text, one.detail) for one in found[-2:]] == [
         ("Cache lines per ray, a model", "12.2", "64-byte lines."),
-        ("ALU per fragment, a model", "1,234", "Counted."),
+        ("ALU per fragment, a model", "13,756", "Counted."),
     ]
     assert not any("model" in one.name for one in headline(document, ASKED))
 
