@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check -q install -c constraints.txt
 ARGS ?=
 
-.PHONY: all run agent phone phone-compiler test test-gpu test-rest test-api test-chaos check benchmark clean
+.PHONY: all run agent phone phone-compiler test test-gpu test-rest test-api test-chaos check docs benchmark clean
 
 all: $(VENV)/.ready
 
@@ -51,6 +51,11 @@ check: $(VENV)/.ready-to-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# The documentation as a site: var/docs/docs/index.html.
+docs: $(VENV)/.ready
+	$(PIP) --no-build-isolation -e '.[docs]'
+	$(BIN)/python -m sphinx -W -n -q -j auto -c docs . var/docs
+
 benchmark: $(VENV)/.ready-to-test
 	$(BIN)/python -m benchmarks.builders
 	$(BIN)/python -m benchmarks.traversals $(ARGS)
@@ -68,5 +73,5 @@ $(VENV)/.ready: pyproject.toml constraints.txt tools/system_packages.sh
 
 $(VENV)/.ready-to-test: $(VENV)/.ready
 	tools/system_packages.sh test
-	$(PIP) --no-build-isolation -e '.[test]'
+	$(PIP) --no-build-isolation -e '.[test,docs]'
 	touch $@
