@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from dataclasses import fields
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
@@ -17,6 +18,8 @@ import yaml
 from typer.core import TyperGroup
 from typer.main import get_command
 
+from renderer.pack.schema import NODE_LAYOUTS
+from renderer.variant import AXES, Traversal
 from server.cli import app as cli
 from server.settings import Settings
 
@@ -164,6 +167,16 @@ def test_variables_and_make_targets_exist(page: Path) -> None:
 def test_every_setting_is_documented() -> None:
     text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
     assert [name for name in Settings.model_fields if f"RAYFARM_{name.upper()}" not in text] == []
+
+
+def test_axes_and_layouts_are_told() -> None:
+    studies = (ROOT / "docs/studies.md").read_text(encoding="utf-8")
+    assert [axis for axis in AXES if f"| `{axis}` |" not in studies] == []
+    values = [value for axis, own in AXES.items() if axis != "traversal" for value in own]
+    assert [value for value in values if f"`{value}`" not in studies] == []
+    adding = (ROOT / "docs/adding_a_traversal.md").read_text(encoding="utf-8")
+    assert [name for name in NODE_LAYOUTS if f"`{name}`" not in adding] == []
+    assert [field.name for field in fields(Traversal) if f"| `{field.name}` |" not in adding] == []
 
 
 def test_the_plan_s_page_shows_what_runs(tmp_path: Path) -> None:
