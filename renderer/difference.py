@@ -20,7 +20,6 @@ from typing import Literal
 from renderer.interval import CONFIDENCE, median
 
 Verdict = Literal["faster", "slower", "no difference found", "undecided"]
-VERDICTS: tuple[Verdict, ...] = ("faster", "slower", "no difference found", "undecided")
 Figure = Literal["median", "fastest"]
 
 NEGLIGIBLE = 0.05

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 import numpy as np
@@ -16,8 +15,7 @@ class Oracle:
     """Embree's answers for one scene; `t` is in units of the direction, which need not have length 1.
 
     Embree's interval is [0, reach] while ours is (0, reach]: a ray that starts on a surface hits it at t = 0 here.
-    A ray with a NaN or an infinity in origin or direction misses. Tracing uses the calling thread only;
-    `mesh_cpu_s` and `commit_cpu_s` are the process CPU seconds of the copy into Embree and of its build.
+    A ray with a NaN or an infinity in origin or direction misses. Tracing uses the calling thread only.
     """
 
     def __init__(self, vertices: Floats, faces: Ints | None = None) -> None:
@@ -27,13 +25,10 @@ class Oracle:
         """
         _check(vertices, faces)
         self._scene = EmbreeScene(robust=True)
-        started = time.process_time()
         if len(vertices if faces is None else faces):
             TriangleMesh(self._scene, vertices, faces)
-        copied = time.process_time()
-        self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))  # embreex commits on first use
-        self.mesh_cpu_s = copied - started
-        self.commit_cpu_s = time.process_time() - copied
+        # embreex builds its tree on first use, which is nobody's frame.
+        self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
 
     def closest(self, rays: Rays) -> Hits:
         """The closest hit of every ray within its reach."""

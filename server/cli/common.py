@@ -64,10 +64,6 @@ class Client:
         """GET a path under /api/v1 as JSON."""
         return self._ask("GET", path, params=params).json()
 
-    def get_text(self, path: str, params: list[tuple[str, str]] | None = None) -> str:
-        """GET a path under /api/v1 as text."""
-        return self._ask("GET", path, params=params).text
-
     def post(self, path: str, body: dict[str, Any]) -> Any:
         """POST a JSON body to a path under /api/v1."""
         return self._ask("POST", path, json=body).json()
