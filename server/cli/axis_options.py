@@ -13,8 +13,11 @@ from renderer.variant import AXES
 ANY = "A value, a comma list, paper or all,"
 
 
-def with_axes(verb: Callable[..., None], usual: Mapping[str, str]) -> Callable[..., None]:
-    """The verb, whose parameter `axes` (a dictionary) becomes an option for each axis, `usual` being its default."""
+def with_axes(verb: Callable[..., None], usual: Mapping[str, str | None]) -> Callable[..., None]:
+    """The verb, whose parameter `axes` (a dictionary) becomes an option for each axis, `usual` being its default.
+
+    An axis without a default is None where it is not given.
+    """
 
     def run(**given: Any) -> None:
         axes = {axis: given.pop(axis) for axis in AXES}
@@ -26,7 +29,7 @@ def with_axes(verb: Callable[..., None], usual: Mapping[str, str]) -> Callable[.
             axis,
             inspect.Parameter.KEYWORD_ONLY,
             default=usual[axis],
-            annotation=Annotated[str, typer.Option(help=f"{ANY} of {', '.join(AXES[axis])}.", metavar="WORDS")],
+            annotation=Annotated[str | None, typer.Option(help=f"{ANY} of {', '.join(AXES[axis])}.", metavar="WORDS")],
         )
         for axis in AXES
     ]

@@ -7,31 +7,21 @@ from typing import Annotated, Any
 import typer
 
 from renderer.variant import AXES
+from server.cli.axis_options import with_axes
 from server.cli.common import SOME_FAILED, Client, ClientError, JsonFlag, ServerOption, make_console, print_json
 from server.cli.follow import follow_study
 from server.cli.table import print_comparison
 
-STUDY_AXES = (*AXES, "sah", "size", "specialise")
-Words = Annotated[str | None, typer.Option(help="A value, a comma list, paper or all.", show_default=False)]
-
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    app.command()(submit)
+    app.command()(with_axes(submit, dict.fromkeys(AXES)))
 
 
 def submit(
+    axes: dict[str, str | None],
     scene: Annotated[str | None, typer.Argument(help="Scenes of the catalogue, comma separated.")] = None,
     study: Annotated[str | None, typer.Option(help="A named study, as demo.")] = None,
-    traversal: Words = None,
-    method: Words = None,
-    layout: Words = None,
-    intersector: Words = None,
-    box: Words = None,
-    nodes: Words = None,
-    precision: Words = None,
-    offset: Words = None,
-    builder: Words = None,
     rays: Annotated[str | None, typer.Option(help="What is timed: primary, shadow or both.")] = None,
     size: Annotated[str | None, typer.Option(help="W or WxH, in pixels, or a comma list.")] = None,
     frames: Annotated[int | None, typer.Option(help="Timed frames over all rounds.")] = None,
@@ -52,13 +42,10 @@ def submit(
     as_json: JsonFlag = False,
 ) -> None:
     """Measure SCENE, or a named study, on a service; show progress, then the comparison."""
-    given = locals()
-    axes = {axis: given[axis] for axis in STUDY_AXES if given[axis] is not None}
-    names = ("rays", "frames", "rounds", "check", "priority")
-    plain = {name: given[name] for name in names} | {"devices": device, "gpus": gpu}
-    body = {name: value for name, value in plain.items() if value is not None}
-    body |= {name: True for name in ("vs_embree", "models") if given[name]}
-    body |= {"axes": axes} if axes else {}
+    chosen = _given({**axes, "sah": sah, "size": size, "specialise": specialise})
+    body: dict[str, Any] = _given({"rays": rays, "frames": frames, "rounds": rounds, "check": check})
+    body |= _given({"priority": priority, "devices": device, "gpus": gpu})
+    body |= _given({"vs_embree": vs_embree or None, "models": models or None, "axes": chosen or None})
     body |= _what(scene, study)
     with Client(server) as client:
         posted = client.submit("studies", body)
@@ -86,6 +73,10 @@ def show_study(client: Client, posted: dict[str, Any], as_json: bool) -> int:
         print_comparison(view, console)
         typer.echo(f"See it at {page}")
     return SOME_FAILED if study["jobs_by_state"]["failed"] else 0
+
+
+def _given(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _what(scene: str | None, study: str | None) -> dict[str, Any]:
