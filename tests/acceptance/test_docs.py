@@ -147,19 +147,24 @@ def test_every_verb_is_documented() -> None:
     assert set(verbs()) - named == {"up"}  # `make run` is its name
 
 
+@cache
+def program() -> str:
+    """All texts of the program and of what starts it, its documents and tests left out."""
+    left_out = {"docs", "tests", "var", "build", "dist"}
+    folders = [one for one in ROOT.iterdir() if one.is_dir() and one.name[0] != "." and one.name not in left_out]
+    files = [*ROOT.iterdir(), *(file for folder in folders for file in folder.rglob("*"))]
+    built = ROOT / "agent_android/build"
+    kinds = {"", ".py", ".java", ".sh", ".yml", ".yaml", ".service", ".env"}
+    chosen = (file for file in files if file.is_file() and file.suffix in kinds and built not in file.parents)
+    return "\n".join(file.read_text(encoding="utf-8") for file in chosen)
+
+
 @each_page
 def test_variables_and_make_targets_exist(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    folders = ("agent_android", "renderer", "scenes", "server", "tools")
-    sources = (
-        path for folder in folders for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".java", ".sh")
-    )
-    known = "\n".join(
-        path.read_text(encoding="utf-8") for path in sources if ROOT / "agent_android/build" not in path.parents
-    )
     settings = {f"RAYFARM_{name.upper()}" for name in Settings.model_fields}
     for name in set(re.findall(r"RAYFARM_[A-Z][A-Z_]*[A-Z]", text)) - settings:
-        assert name in known, name
+        assert name in program(), name
     targets = set(re.findall(r"^([a-z][a-z-]*):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
     assert set(re.findall(r"(?:`|^)make ([a-z][a-z-]*)", text, re.MULTILINE)) <= targets
 
