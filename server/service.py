@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 import threading
 import time
@@ -15,8 +16,11 @@ from fastapi import FastAPI
 from server import processes
 from server.access import tokens
 from server.app import create_app
+from server.logs import facts
 from server.settings import Settings
 from server.store.database import Database
+
+log = logging.getLogger("rayfarm.server")
 
 RESTART_S = 2.0
 
@@ -59,18 +63,19 @@ class Server(uvicorn.Server):
         await super().shutdown(sockets)
 
 
-def make_server(settings: Settings, log_level: str = "warning") -> Server:
+def make_server(settings: Settings) -> Server:
     """A server of the application, to be run on a socket from `listen`."""
     app = create_app(settings)
+    # Its loggers stay as they are: what they say goes where everything goes (`server.logs`).
     config = uvicorn.Config(
-        app, log_level=log_level, access_log=False, server_header=False, timeout_graceful_shutdown=3
+        app, log_config=None, log_level="warning", access_log=False, server_header=False, timeout_graceful_shutdown=3
     )
     return Server(config, app)
 
 
 @contextmanager
-def running(settings: Settings, sock: socket.socket, with_worker: bool) -> Iterator[None]:
-    """The service on `sock`, with a worker beside it where asked for; both end with the block.
+def running(settings: Settings, sock: socket.socket, with_worker: bool, quiet: bool = False) -> Iterator[None]:
+    """The service on `sock`, with a worker beside it where asked for, `quiet` or not; both end with the block.
 
     Raise DatabaseError when the database cannot be opened, ServiceError when the server does not start.
     """
@@ -82,14 +87,16 @@ def running(settings: Settings, sock: socket.socket, with_worker: bool) -> Itera
         database.close()
     server = make_server(settings)
     serving = threading.Thread(target=server.run, kwargs={"sockets": [sock]}, name="server")
-    keeper = WorkerKeeper() if with_worker else None
+    keeper = WorkerKeeper(quiet) if with_worker else None
     serving.start()
     try:
         _wait_until_started(server, serving)
         if keeper is not None:
             keeper.start()
+        log.info("serving", extra=facts(address=address(sock)))
         yield
     finally:
+        log.info("ending")
         if keeper is not None:
             keeper.stop()
         server.should_exit = True
@@ -125,7 +132,8 @@ def _wait_until_started(server: uvicorn.Server, serving: threading.Thread) -> No
 class WorkerKeeper:
     """Keeps one worker process running, and starts another when it ends."""
 
-    def __init__(self) -> None:
+    def __init__(self, quiet: bool = False) -> None:
+        self._words = ["worker", *(["--quiet"] if quiet else [])]
         self._stop = threading.Event()
         # The worker ends with the thread that started it (PR_SET_PDEATHSIG), so this thread lives as long as it.
         self._thread = threading.Thread(target=self._run, name="worker-keeper")
@@ -142,10 +150,11 @@ class WorkerKeeper:
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            child = processes.start_verb("worker", "--quiet")
+            child = processes.start_verb(*self._words)
             while child.poll() is None and not self._stop.wait(0.2):
                 pass
             if self._stop.is_set():
                 processes.stop(child)
                 return
+            log.warning("the worker ended with code %d: another is started", child.returncode)
             self._stop.wait(RESTART_S)

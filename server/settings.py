@@ -12,6 +12,8 @@ from pydantic import AfterValidator, Field, SecretStr, ValidationError
 from pydantic_core import PydanticCustomError
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from server.logs import Form, Level
+
 
 class SettingsError(ValueError):
     """A setting that cannot be used; the message is one sentence that names it."""
@@ -49,7 +51,8 @@ class Settings(BaseSettings):
     bounds one slice, `lease_s` is how long a worker that shows no sign of life keeps its slices, `poll_s` how often
     a worker looks for work; in seconds. `worker_host` names the machine that phones are attached to, where its host
     name will not do. `phones` and `llvmpipe` say what a worker cares for, `via` how a phone's agent is run: by
-    `app_process` or as an app.
+    `app_process` or as an app. `log` is the form of the lines on standard error, `auto` plain on a terminal and JSON
+    elsewhere, and `log_level` the least that is logged.
     """
 
     model_config = SettingsConfigDict(env_prefix="RAYFARM_")
@@ -70,6 +73,8 @@ class Settings(BaseSettings):
     phones: bool = True
     llvmpipe: bool = True
     via: Literal["shell", "apk"] = "shell"
+    log: Form = "auto"
+    log_level: Level = "info"
     worker_host: str = Field(default_factory=socket.gethostname, min_length=1, max_length=100)
     server: str = Field(default="http://127.0.0.1:8710", description="where the CLI's verbs find the service")
 

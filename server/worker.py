@@ -16,6 +16,7 @@ from sqlalchemy import select
 from renderer.child import AsyncSay
 from renderer.host import DeviceGoneError
 from renderer.request import Request
+from server.logs import about, facts
 from server.queue import ledger, lives
 from server.queue.care import CARE_S, look_after
 from server.queue.durable import POOL, WORKFLOW, Durable, configuration, host_queue
@@ -81,6 +82,7 @@ class Worker:
         DBOS.listen_queues(self.queues)
         DBOS.launch()
         self._beating.start()
+        log.info("worker started", extra=facts(worker=self.name, host=self.host))
 
     def stop(self) -> None:
         """End what runs, hand it back, and take nothing more."""
@@ -88,6 +90,7 @@ class Worker:
         self._beating.join()
         DBOS.destroy(destroy_registry=True)
         lives.end(self.database, self.durable, self.name)
+        log.info("worker ended", extra=facts(worker=self.name))
 
     @property
     def given_up(self) -> bool:
@@ -109,16 +112,26 @@ class Worker:
         held = await asyncio.to_thread(ledger.claim, self.database, slice_id, workflow, self.name)
         if held is None:
             return "not wanted"
-        log.info("job %d, round %d on %s: %s", held.job_id, held.round, held.device, _title(held))
+        named = {"job": held.job_id, "slice": held.slice_id, "round": held.round, "device": held.device}
+        with about(**named, attempt=held.attempt):
+            begun = time.monotonic()
+            log.info("slice taken: %s", _title(held))
+            outcome = await self._carry_out(held)
+            log.info("slice %s", outcome, extra=facts(seconds=round(time.monotonic() - begun, 3)))
+            return outcome
+
+    async def _carry_out(self, held: Claim) -> str:
+        """What came of a slice, in words for the log."""
         try:
             measurement = await self.run_slice(held, self._say(held))
         except asyncio.CancelledError:
+            log.info("slice interrupted")
             await asyncio.to_thread(ledger.let_go, self.database, held)
             raise
         except DeviceGoneError as error:
             log.warning("%s", error)
             await asyncio.to_thread(ledger.give_back, self.database, self.durable, held, str(error))
-            return "device gone"
+            return "given back: its device is gone"
         except Exception as error:
             await asyncio.to_thread(ledger.fail, self.database, self.durable, held, _reason(error))
             return "failed"
@@ -135,7 +148,7 @@ class Worker:
         except Exception as error:
             ledger.fail(self.database, self.durable, held, _reason(error))
             return "failed"
-        return "recorded" if recorded else "too late"
+        return "recorded" if recorded else "too late: another has it"
 
     def _say(self, held: Claim) -> AsyncSay:
         async def say(phase: Any) -> None:

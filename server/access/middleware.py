@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import quote
@@ -18,7 +19,10 @@ from server.access.scopes import SAFE, includes, needed
 from server.access.scopes import Scope as Wanted
 from server.access.tokens import Holder
 from server.guard import from_own_page
+from server.logs import facts
 from server.problems import problem
+
+log = logging.getLogger("rayfarm.access")
 
 COOKIE = "rayfarm_session"
 HOLDER = "holder"
@@ -57,6 +61,7 @@ class Access:
         text = sent.strip() if scheme.lower() == "bearer" else cookie
         holder = await to_thread.run_sync(tokens.find, scope["app"].state.database, text) if text else None
         if scheme and holder is None:
+            log.warning("a token was refused", extra=facts(client=(scope.get("client") or [None])[0]))
             return _unauthorized("This token is unknown, expired or revoked: ask for another.")
         if holder is None and self.required:
             return _ask(scope, headers)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,13 +17,18 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from server.access.middleware import HOLDER
+from server.logs import facts
 from server.problems import Problem
 from server.store.database import Database
 from server.store.models import Json, Submitted, now
 
+log = logging.getLogger("rayfarm.api")
+
 HEADER = "Idempotency-Key"
 REPLAYED = "Idempotent-Replayed"
 KEPT = timedelta(hours=24)
+NAMES = {"jobs": "job", "recommendations": "job", "studies": "study"}
+"""What a log calls the number at the end of a location."""
 _KEY = re.compile(r"[!-~]{1,200}")
 
 KeyHeader = Annotated[str | None, Header(alias=HEADER, description="A request with the same key is taken once a day.")]
@@ -95,6 +101,8 @@ def answer_once(database: Database, submission: Submission, create: Callable[[Se
         if earlier is None:
             raise
         return earlier
+    kind, number = answer.location.rsplit("/", 2)[1:]
+    log.info("%s accepted", kind, extra=facts(**{NAMES[kind]: int(number)}, token=submission.owner or None))
     return answer.response()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 from fastapi import APIRouter, Query, Request, Response
@@ -11,6 +12,7 @@ from server.api.bodies import JobBody
 from server.api.idempotency import Answer, SubmissionOf, answer_once, earlier_answer
 from server.api.state import database_of, durable_of
 from server.api.views import MAX_ID, find_job, job_line, job_lines, job_view
+from server.logs import facts
 from server.problems import Problem
 from server.queue.dispatch import submit
 from server.queue.ledger import end_job
@@ -18,6 +20,8 @@ from server.scene_list import list_scenes, require_scene
 from server.store.models import Job
 from server.store.records import Order
 from server.store.states import OPEN, State
+
+log = logging.getLogger("rayfarm.api")
 
 router = APIRouter(prefix="/api/v1")
 
@@ -80,6 +84,7 @@ def cancel_job(job_id: str, request: Request) -> dict[str, Any]:
         session.expire(job)
         view = job_view(job)
     durable_of(request).cancel(void)
+    log.info("job cancelled", extra=facts(job=view["id"]))
     return view
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 from fastapi import APIRouter, Request, Response
@@ -13,6 +14,7 @@ from server.api.idempotency import Answer, SubmissionOf, answer_once, earlier_an
 from server.api.state import database_of, durable_of
 from server.api.study_views import study_view
 from server.api.views import find_study
+from server.logs import facts
 from server.queue.dispatch import require_device, submit
 from server.queue.ledger import end_job
 from server.scene_list import is_here, require_scene
@@ -20,6 +22,8 @@ from server.store.models import Job
 from server.store.records import Order, add_study
 from server.store.states import OPEN
 from server.studies import plan_study
+
+log = logging.getLogger("rayfarm.api")
 
 router = APIRouter(prefix="/api/v1")
 
@@ -81,4 +85,5 @@ def cancel_study(study_id: str, request: Request) -> dict[str, Any]:
         session.flush()
         view = study_view(session, study)
     durable_of(request).cancel(void)
+    log.info("study cancelled", extra=facts(study=view["id"]))
     return view

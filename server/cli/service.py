@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import signal
 from typing import Annotated
 
@@ -29,11 +28,13 @@ def serve(
     as_json: JsonFlag = False,
 ) -> None:
     """Serve the API and the pages, with a worker beside them, until told to end."""
+    from server import logs
     from server.processes import signalled
     from server.service import address, listen, running
     from server.settings import settings
 
     chosen = settings()
+    logs.start(chosen.log_level, chosen.log)
     sock = listen(chosen.host if host is None else host, chosen.port if port is None else port)
     with running(chosen, sock, with_worker):
         if as_json:
@@ -50,16 +51,17 @@ def worker(
     as_json: JsonFlag = False,
 ) -> None:
     """Measure what is queued, one slice at a time on each of this machine's devices, until told to end."""
+    from server import logs
     from server.processes import signalled
     from server.settings import settings
     from server.working import working
 
-    logging.basicConfig(level=logging.WARNING if quiet else logging.INFO, format="%(message)s")
-    logging.getLogger("alembic").setLevel(logging.WARNING)
+    chosen = settings()
+    logs.start("warning" if quiet else chosen.log_level, chosen.log)
     if parent is not None:
         end_with_parent(parent, signal.SIGTERM)
     told = signalled()
-    with working(settings()) as measuring:
+    with working(chosen) as measuring:
         if as_json:
             print_json({"worker": measuring.name})
         while not told.wait(LOOK_S) and not measuring.given_up:

@@ -24,15 +24,17 @@ def up(
     as_json: JsonFlag = False,
 ) -> None:
     """Start the service, submit the demo study over HTTP, show its table, and keep serving."""
+    from server import logs
     from server.processes import signalled
     from server.service import address, listen, running
     from server.settings import settings
 
     chosen = settings()
+    logs.start("warning", chosen.log)
     sock = listen(chosen.host, chosen.port if port is None else port)
     base = address(sock)
     signal.signal(signal.SIGTERM, _exit)
-    with running(chosen, sock, with_worker=True), Client(base) as client:
+    with running(chosen, sock, with_worker=True, quiet=True), Client(base) as client:
         if not as_json:
             typer.echo(f"RayFarm serves at {base}")
         code = show_study(client, client.submit("studies", {"name": study}), as_json)

@@ -15,6 +15,7 @@ from renderer.plan import PlanError
 from server.devices import registry
 from server.devices.children import Ended
 from server.devices.examiner import Examiner, UnableError
+from server.logs import facts
 from server.store.database import Database
 from server.store.models import Device, Json, now
 
@@ -44,6 +45,7 @@ class Attendant:
     ) -> None:
         """`after` is the one who looked after the device before: this one begins at its end."""
         self.device_id, self.told = device_id, False
+        self._named = facts(device=device_id)
         self._database, self._examiner, self._on_ready, self._pace = database, examiner, on_ready, pace
         self._after = after
         self._left, self._wake = threading.Event(), threading.Event()
@@ -92,14 +94,14 @@ class Attendant:
         except (DeviceGoneError, Ended):
             return False
         except (PlanError, UnableError) as error:
-            log.warning("%s: %s", self.device_id, error)
+            log.warning("%s", error, extra=self._named)
             self._advise(str(error))
             return False
         except SQLAlchemyError as error:
-            log.warning("%s: the database does not answer: %s", self.device_id, type(error).__name__)
+            log.warning("the database does not answer: %s", type(error).__name__, extra=self._named)
             return False
         except Exception:
-            log.exception("%s could not be looked at", self.device_id)
+            log.exception("the device could not be looked at", extra=self._named)
             return False
         return True
 
@@ -120,7 +122,7 @@ class Attendant:
             registry.record_facts(session, self.device_id, facts)
             registry.record_health(session, self.device_id, health)
         if not health["passed"]:
-            log.warning("%s is set aside: %s", self.device_id, health["reason"])
+            log.warning("set aside: %s", health["reason"], extra=self._named)
 
     def _is_due(self) -> bool:
         with self._database.reading() as session:
@@ -135,6 +137,7 @@ class Attendant:
             device = session.get(Device, self.device_id)
             is_ready = device is not None and registry.ready(device)
         if is_ready and not self.told and not self._left.is_set():
+            log.info("ready", extra=self._named)
             self._on_ready(self.device_id)
         self.told = is_ready
 
@@ -149,7 +152,7 @@ class Attendant:
                 if device is not None and device.presence == "online":
                     device.advice = sentence
         except SQLAlchemyError:
-            log.warning("%s: the database does not answer", self.device_id)
+            log.warning("the database does not answer", extra=self._named)
 
 
 def _was_updated(known: Json, told: Json) -> bool:

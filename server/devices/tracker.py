@@ -25,6 +25,7 @@ from server.devices.registry import PAIRING, PHONE
 from server.devices.turn import Turn
 from server.devices.wanted import Retries, Row
 from server.devices.words import WordError, plain, require_serial
+from server.logs import facts
 from server.store.database import Database
 
 log = logging.getLogger("rayfarm.devices")
@@ -163,6 +164,7 @@ class Tracker:
         for device_id in self._attendants.keys() - {twin}:
             if device_id not in online or device_id in gone:
                 self._attendants[device_id].leave()
+                log.info("device gone", extra=facts(device=device_id))
         for device_id in online:
             before = self._attendants.get(device_id)
             if before is None or before.left:
@@ -173,6 +175,7 @@ class Tracker:
         examiner = self._make_examiner(device_id)
         attendant = Attendant(self._database, device_id, examiner, self._on_ready, self._pace, before)
         self._attendants[device_id] = attendant
+        log.info("device here", extra=facts(device=device_id))
         attendant.start()
 
     def _examiner(self, device_id: str) -> Examiner:

@@ -6,6 +6,7 @@ gone. It is given up by one of the living, in one update of its row; from then o
 
 from __future__ import annotations
 
+import logging
 import os
 import socket
 from datetime import datetime, timedelta
@@ -14,11 +15,14 @@ from typing import Any, cast
 
 from sqlalchemy import CursorResult, delete, or_, select, update
 
+from server.logs import facts
 from server.queue.durable import Durable
 from server.queue.ledger import lose
 from server.store.database import Database
 from server.store.models import Slice, Worker, now
 from server.store.states import HELD
+
+log = logging.getLogger("rayfarm.care")
 
 HANDING_ON_S = 30.0
 """Whoever gives a worker up has this long to hand its work on before another may try."""
@@ -71,6 +75,7 @@ def reap(database: Database, durable: Durable, worker: str, reason: str) -> bool
             return False
         held = session.scalars(select(Slice.id).where(Slice.worker == worker, Slice.state.in_(HELD))).all()
         void = lose(session, held, worker, reason)
+    log.warning("what a worker held is handed on: %s", reason, extra=facts(worker=worker, slices=list(held) or None))
     durable.cancel(void)
     # What it had taken from the queue but not yet claimed is known to the queue alone.
     for workflow, queue in durable.held_by(worker):
