@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check -q install -c constraints.txt
 ARGS ?=
 
-.PHONY: all run agent phone phone-compiler test test-gpu test-rest test-api test-chaos check docs benchmark clean
+.PHONY: all run agent phone phone-compiler test test-gpu test-rest test-api test-chaos test-soak check docs benchmark clean
 
 all: $(VENV)/.ready
 
@@ -45,6 +45,11 @@ test-api: $(VENV)/.ready-to-test
 # Minutes of killed and frozen workers, on SQLite and PostgreSQL.
 test-chaos: $(VENV)/.ready-to-test
 	$(BIN)/pytest -s -m long tests/chaos $(ARGS)
+
+# An hour of jobs on a whole farm; `make test-soak ARGS='--minutes 10'` is shorter.
+test-soak: $(VENV)/.ready-to-test
+	$(BIN)/python -m agent_android.build desktop
+	$(BIN)/pytest -s -m long tests/phones/test_soak.py $(ARGS)
 
 check: $(VENV)/.ready-to-test
 	$(BIN)/ruff check .

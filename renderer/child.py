@@ -80,12 +80,15 @@ async def run_child_async(
     note: AsyncSay = silent_async,
     lease_s: float = LEASE_S,
     has_lease: Callable[[], bool] = lambda: True,
+    memory_mb: int | None = None,
 ) -> Json:
     """The same, to be cancelled: the child is gone before the cancellation goes on.
 
-    The child is also ended when this process is stopped, or `has_lease` has been false, for `lease_s` seconds.
+    The child is also ended when this process is stopped, or `has_lease` has been false, for `lease_s` seconds; that
+    raises DeviceGoneError. It may take `memory_mb` megabytes of memory.
     """
-    order = {"parent": os.getpid(), "module": module, "timeout_s": timeout_s, "lease_s": lease_s, "task": task}
+    limits = {"timeout_s": timeout_s, "lease_s": lease_s, "memory_mb": memory_mb}
+    order = {"parent": os.getpid(), "module": module, "task": task, **limits}
     async with _leashed(order, threads) as leash:
         assert leash.stdin is not None
         assert leash.stdout is not None

@@ -7,19 +7,29 @@ heavy, and it is a process of its own, because the child may sit in a driver's c
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import re
+import resource
 import selectors
 import signal
 import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from typing import IO, Any
 
 from renderer.process import end_with_parent
 
+NO_LEASE = "The run was ended because its worker gave no sign of life."
+"""No fault of the run's: whoever asks for it again may get its answer."""
 _STDIN, _STDOUT = 0, 1
+_FIRST_TO_GO = b"500"
+"""oom_score_adj: where memory runs out the kernel ends this child before the worker, the server or anybody else."""
+_NO_SPACE = os.strerror(errno.ENOSPC)
+_NO_MEMORY = re.compile(r"MemoryError|bad_alloc|Cannot allocate memory|out of memory|GL_OUT_OF_MEMORY", re.IGNORECASE)
 _CHUNK = 1 << 16
 _TAIL = 4096
 
@@ -33,6 +43,7 @@ def main() -> None:
     with tempfile.TemporaryFile() as errors:
         command = [sys.executable, "-m", order["module"]]
         child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors)
+        _bound_memory(child.pid, order.get("memory_mb"))
         watch = _Watch(child, order)
         try:
             sentence = watch.until_end()
@@ -40,9 +51,9 @@ def main() -> None:
             child.kill()
             child.wait()
         if sentence is None and not watch.answered:
-            sentence = f"The run ended with code {child.returncode}: {_last_line(errors)}"
+            sentence = _why_ended(child.returncode, _last_line(errors), order.get("memory_mb"))
     if sentence is not None:
-        _up(json.dumps({"error": sentence, "gone": False}).encode() + b"\n")
+        _up(json.dumps({"error": sentence, "gone": sentence == NO_LEASE}).encode() + b"\n")
 
 
 class _Watch:
@@ -78,7 +89,7 @@ class _Watch:
                 if _STDIN in ready and os.read(_STDIN, _CHUNK):
                     self._alive_until = now + self._lease_s
                 elif _STDIN in ready or now >= self._alive_until:
-                    return "The run was ended because its worker gave no sign of life."
+                    return NO_LEASE
                 if self._left_s <= 0:
                     return f"The run was ended after {self._timeout_s:g} s, its time limit."
 
@@ -98,6 +109,26 @@ class _Watch:
             self._working = json.loads(line)["phase"] != "waiting"
         elif line.startswith((b'{"answer"', b'{"error"')):
             self.answered = True
+
+
+def _bound_memory(pid: int, memory_mb: int | None) -> None:
+    """Limit a child that waits for its task, and make it the first that the kernel ends for want of memory."""
+    if memory_mb is not None:
+        resource.prlimit(pid, resource.RLIMIT_DATA, (memory_mb << 20, memory_mb << 20))
+    with suppress(OSError), open(f"/proc/{pid}/oom_score_adj", "wb") as file:
+        file.write(_FIRST_TO_GO)
+
+
+def _why_ended(code: int, last: str, memory_mb: int | None) -> str:
+    """Why a child ended that gave no answer."""
+    if memory_mb is not None and (code < 0 or _NO_MEMORY.search(last)):
+        limit = f"the {memory_mb} MB that it may take (RAYFARM_SLICE_MEMORY_MB)"
+        return f"The run ended for want of memory beyond {limit}: take a smaller scene or size, or raise the limit."
+    if code == -signal.SIGKILL or _NO_MEMORY.search(last):
+        return "The run was killed, most likely because this machine has no memory left: take a smaller scene or size."
+    if _NO_SPACE in last:
+        return "The run ended because the disk of this machine is full: free space, then measure again."
+    return f"The run ended with code {code}: {last}"
 
 
 def _read_order() -> dict[str, Any]:

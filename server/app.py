@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from datetime import timedelta
 
 from fastapi import FastAPI, Request
 from fastapi.responses import Response
@@ -31,6 +32,7 @@ from server.api import trace as api_trace
 from server.api.state import database_of
 from server.dashboard import pages
 from server.guard import Guard
+from server.keeping.prune import Ages, prune
 from server.live.feed import Feed
 from server.problems import Problem
 from server.queue.care import caring
@@ -43,13 +45,18 @@ from server.store.database import Database
 def create_app(settings: Settings) -> FastAPI:
     """The application on the settings' database, which it opens at start-up and closes at the end."""
 
+    blobs = Blobs(settings.blobs)
+    ages = Ages(_days(settings.keep_frames_days), _days(settings.keep_files_days))
+
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.database = Database(settings.database_url)
         app.state.durable = Durable(app.state.database)
         app.state.feed = Feed(app.state.database)
         try:
-            with caring(app.state.database, app.state.durable, settings.lease_s):
+            with caring(
+                app.state.database, app.state.durable, settings.lease_s, lambda: prune(app.state.database, blobs, ages)
+            ):
                 yield
         finally:
             await app.state.feed.close()
@@ -73,7 +80,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(api_recommendations.router)
     app.include_router(api_trace.router)
     app.state.lease_s = settings.lease_s
-    app.state.blobs, app.state.profile_mb = Blobs(settings.blobs), settings.profile_mb
+    app.state.blobs, app.state.profile_mb = blobs, settings.profile_mb
     app.include_router(metrics.router)
     pages.install(app)
     problems.install(app)
@@ -96,3 +103,7 @@ def create_app(settings: Settings) -> FastAPI:
         return Response("ok\n", media_type="text/plain")
 
     return app
+
+
+def _days(number: int | None) -> timedelta | None:
+    return None if number is None else timedelta(days=number)

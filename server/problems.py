@@ -14,8 +14,11 @@ from starlette.exceptions import HTTPException
 
 from server.dashboard.errors import error_page
 from server.spoken import spoken
+from server.store.errors import AWAY, sentence, shortly
 
 log = logging.getLogger("rayfarm.api")
+
+AGAIN_S = 5
 
 
 class Problem(HTTPException):
@@ -47,10 +50,17 @@ def install(app: FastAPI) -> None:
         status, detail = _explain(error.errors())
         return _answer(request, status, detail)
 
+    def away(request: Request, error: Exception) -> Response:
+        log.warning("%s %s was not carried out: %s", request.method, request.url.path, shortly(error))
+        return _answer(request, 503, sentence(error), {"Retry-After": str(AGAIN_S)})
+
+    for kind in AWAY:
+        app.add_exception_handler(kind, away)
+
     @app.exception_handler(ValueError)
     def wrong(request: Request, error: ValueError) -> Response:
-        sentence = spoken(error)
-        return unexpected(request, error) if sentence is None else _answer(request, 422, sentence)
+        said = spoken(error)
+        return unexpected(request, error) if said is None else _answer(request, 422, said)
 
     @app.exception_handler(Exception)
     def unexpected(request: Request, error: Exception) -> Response:

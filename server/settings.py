@@ -45,14 +45,14 @@ class Settings(BaseSettings):
 
     `database_url` is an SQLAlchemy URL. `blobs` is the folder, or the bucket `s3://bucket/prefix`, of what is too large
     for it: pictures, and imported profiles, none of which may be larger than `profile_mb` megabytes; servers and
-    workers share it.
+    workers share it. Raw frames and files are pruned after `keep_frames_days` and `keep_files_days`, or kept for ever.
     `require_tokens` asks for tokens at a loopback address too, of which each may send `submissions_per_minute` (0
-    for any number). `allowed_hosts` are the names under which the service may be addressed. `slice_timeout_s`
-    bounds one slice, `lease_s` is how long a worker that shows no sign of life keeps its slices, `poll_s` how often
-    a worker looks for work; in seconds. `worker_host` names the machine that phones are attached to, where its host
-    name will not do. `phones` and `llvmpipe` say what a worker cares for, `via` how a phone's agent is run: by
-    `app_process` or as an app. `log` is the form of the lines on standard error, `auto` plain on a terminal and JSON
-    elsewhere, and `log_level` the least that is logged.
+    for any number). `allowed_hosts` are the names under which the service may be addressed. `slice_timeout_s` bounds
+    one slice, `slice_memory_mb` its process's memory in megabytes, `lease_s` is how long a worker that shows no sign of
+    life keeps its slices, `poll_s` how often a worker looks for work; in seconds. `worker_host` names the machine that
+    phones are attached to, where its host name will not do. `phones` and `llvmpipe` say what a worker cares for, `via`
+    how a phone's agent is run: by `app_process` or as an app. `log` is the form of the lines on standard error, `auto`
+    plain on a terminal and JSON elsewhere, and `log_level` the least that is logged.
     """
 
     model_config = SettingsConfigDict(env_prefix="RAYFARM_")
@@ -60,6 +60,8 @@ class Settings(BaseSettings):
     database_url: str = Field(default_factory=_default_database)
     blobs: Annotated[str, AfterValidator(_check_blobs)] = Field(default_factory=_default_blobs)
     profile_mb: int = Field(default=1000, ge=1)
+    keep_frames_days: int | None = Field(default=None, ge=1)
+    keep_files_days: int | None = Field(default=None, ge=1)
     host: str = "127.0.0.1"
     port: int = Field(default=8710, ge=0, le=65535)
     require_tokens: bool = False
@@ -68,6 +70,7 @@ class Settings(BaseSettings):
     token_file: Path | None = None
     allowed_hosts: tuple[str, ...] = ("localhost", "127.0.0.1", "[::1]")
     slice_timeout_s: float = Field(default=900.0, gt=0)
+    slice_memory_mb: int | None = Field(default=None, ge=100)
     lease_s: float = Field(default=60.0, ge=1)
     poll_s: float = Field(default=0.5, ge=0.05, le=60)
     phones: bool = True

@@ -69,6 +69,7 @@ class SliceRunner:
             note=note,
             lease_s=self.settings.lease_s / 2,
             has_lease=self.has_lease,
+            memory_mb=self.settings.slice_memory_mb,
         )
 
     async def _measure(self, held: Claim, say: AsyncSay, pictures: Path | None) -> Json:
@@ -90,6 +91,7 @@ class SliceRunner:
             say,
             lease_s=lease_s / 2,
             has_lease=self.has_lease,
+            memory_mb=self.settings.slice_memory_mb,
         )
 
     def _is_phone(self, device: str) -> bool:

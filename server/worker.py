@@ -8,7 +8,8 @@ import secrets
 import threading
 import time
 from collections.abc import Awaitable, Callable
-from typing import Any
+from contextlib import suppress
+from typing import Any, TypeVar
 
 from dbos import DBOS
 from sqlalchemy import select
@@ -21,15 +22,19 @@ from server.queue import ledger, lives
 from server.queue.care import CARE_S, look_after
 from server.queue.durable import POOL, WORKFLOW, Durable, configuration, host_queue
 from server.queue.ledger import Claim
+from server.queue.trouble import Trouble, patiently
+from server.queue.watch import Watch
 from server.recommendations import asked_of
 from server.spoken import spoken
 from server.store.database import Database
+from server.store.errors import AWAY, shortly
 from server.store.models import Job, Json, Slice
 from server.store.states import HELD, OPEN
 
 log = logging.getLogger("rayfarm.worker")
 
 RunSlice = Callable[[Claim, AsyncSay], Awaitable[Json]]
+Returned = TypeVar("Returned")
 Combine = Callable[[Request, list[Json]], Json]
 
 
@@ -89,7 +94,10 @@ class Worker:
         self._ended.set()
         self._beating.join()
         DBOS.destroy(destroy_registry=True)
-        lives.end(self.database, self.durable, self.name)
+        try:
+            lives.end(self.database, self.durable, self.name)
+        except AWAY as error:
+            log.warning("the database does not answer, so others will hand on what was held: %s", shortly(error))
         log.info("worker ended", extra=facts(worker=self.name))
 
     @property
@@ -109,7 +117,7 @@ class Worker:
         return time.monotonic() - self._beaten_at < self.lease_s / 2
 
     async def _measure(self, slice_id: int, workflow: str) -> str:
-        held = await asyncio.to_thread(ledger.claim, self.database, slice_id, workflow, self.name)
+        held = await self._ask(lambda: ledger.claim(self.database, slice_id, workflow, self.name))
         if held is None:
             return "not wanted"
         named = {"job": held.job_id, "slice": held.slice_id, "round": held.round, "device": held.device}
@@ -126,16 +134,23 @@ class Worker:
             measurement = await self.run_slice(held, self._say(held))
         except asyncio.CancelledError:
             log.info("slice interrupted")
-            await asyncio.to_thread(ledger.let_go, self.database, held)
+            with suppress(*AWAY):
+                await self._ask(lambda: ledger.let_go(self.database, held))
             raise
         except DeviceGoneError as error:
             log.warning("%s", error)
-            await asyncio.to_thread(ledger.give_back, self.database, self.durable, held, str(error))
+            sentence = str(error)
+            await self._ask(lambda: ledger.give_back(self.database, self.durable, held, sentence))
             return "given back: its device is gone"
         except Exception as error:
-            await asyncio.to_thread(ledger.fail, self.database, self.durable, held, _reason(error))
+            sentence = _reason(error)
+            await self._ask(lambda: ledger.fail(self.database, self.durable, held, sentence))
             return "failed"
-        return await asyncio.to_thread(self._record, held, measurement)
+        return await self._ask(lambda: self._record(held, measurement))
+
+    async def _ask(self, ask: Callable[[], Returned]) -> Returned:
+        """What one transaction of the ledger returns, once the database answers."""
+        return await asyncio.to_thread(patiently, ask, self._ended, log)
 
     def _record(self, held: Claim, measurement: Json) -> str:
         def combine(measurements: list[Json]) -> Json | None:
@@ -145,6 +160,8 @@ class Worker:
 
         try:
             recorded = ledger.record(self.database, held, measurement, combine)
+        except AWAY:
+            raise
         except Exception as error:
             ledger.fail(self.database, self.durable, held, _reason(error))
             return "failed"
@@ -152,12 +169,13 @@ class Worker:
 
     def _say(self, held: Claim) -> AsyncSay:
         async def say(phase: Any) -> None:
-            await asyncio.to_thread(ledger.enter, self.database, held, phase)
+            await self._ask(lambda: ledger.enter(self.database, held, phase))
 
         return say
 
     def _beat(self) -> None:
         """Signs of life, and the care for what others left; ends the worker when it has been given up."""
+        watch, trouble = Watch(self.lease_s), Trouble(log)
         while not self._ended.wait(min(CARE_S, self.lease_s / 10)):
             try:
                 begun = time.monotonic()
@@ -166,7 +184,10 @@ class Worker:
                     self._ended.set()
                     return
                 self._beaten_at = begun
-                look_after(self.database, self.durable, self.lease_s)
+                look_after(self.database, self.durable, watch)
+                trouble.over()
+            except AWAY as error:
+                trouble.seen(error)
             except Exception:
                 log.exception("a sign of life failed")
 

@@ -11,6 +11,12 @@ from postgres import PostgresCluster, find_binaries, running_cluster
 from server.queue.durable import Durable
 from server.store.database import Database
 
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--minutes`: how long `make test-soak` takes."""
+    parser.addoption("--minutes", type=float, default=60.0, help="how long the soak test puts a farm under jobs")
+
+
 FreshDatabase = Callable[..., AbstractContextManager[str]]
 
 

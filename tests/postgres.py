@@ -9,14 +9,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
 import psycopg
-from postgres_keeper import USER
+from postgres_keeper import START, STOP, USER
 from psycopg import sql
 
 KEEPER = Path(__file__).with_name("postgres_keeper.py")
@@ -35,6 +35,7 @@ class PostgresCluster:
 
     port: int
     password: str
+    keeper: subprocess.Popen[bytes] | None = None
     _templates: dict[str, str] = field(default_factory=dict)
 
     def url(self, database: str = "postgres") -> str:
@@ -66,6 +67,24 @@ class PostgresCluster:
         finally:
             self.drop(name)
 
+    def stop(self) -> None:
+        """Stop the server as a crash would."""
+        self._tell(STOP)
+        while _answers(self):
+            time.sleep(0.02)
+
+    def start(self) -> None:
+        """Start it again, and wait until it answers."""
+        self._tell(START)
+        assert self.keeper is not None
+        assert _wait_until_ready(self.keeper, self)
+
+    def _tell(self, word: bytes) -> None:
+        assert self.keeper is not None
+        assert self.keeper.stdin is not None
+        self.keeper.stdin.write(word)
+        self.keeper.stdin.flush()
+
     def _template(self, prepare: Callable[[str], None]) -> str:
         key = f"{prepare.__module__}.{prepare.__qualname__}"
         if key not in self._templates:
@@ -93,15 +112,17 @@ def find_binaries() -> Path | None:
 
 
 @contextmanager
-def running_cluster(binaries: Path) -> Iterator[PostgresCluster]:
-    """A server on a free port of 127.0.0.1; it ends with the block, and with this process however that ends.
+def running_cluster(binaries: Path, *settings: str) -> Iterator[PostgresCluster]:
+    """A server on a free port of 127.0.0.1, with settings (`name=value`) beside the usual ones.
+
+    It ends with the block, and with this process however that ends.
 
     Raise PostgresError when it does not start.
     """
     with tempfile.TemporaryFile() as log:
         for attempt in range(1, STARTS + 1):
             cluster = PostgresCluster(_free_port(), secrets.token_hex(16))
-            keeper = _start_keeper(binaries, cluster, log)
+            keeper = cluster.keeper = _start_keeper(binaries, cluster, log, settings)
             try:
                 if _wait_until_ready(keeper, cluster):
                     yield cluster
@@ -114,8 +135,10 @@ def running_cluster(binaries: Path) -> Iterator[PostgresCluster]:
                 raise PostgresError(f"PostgreSQL did not start:\n{said[-4000:]}")
 
 
-def _start_keeper(binaries: Path, cluster: PostgresCluster, log: IO[bytes]) -> subprocess.Popen[bytes]:
-    command = [sys.executable, str(KEEPER), str(binaries), str(cluster.port)]
+def _start_keeper(
+    binaries: Path, cluster: PostgresCluster, log: IO[bytes], settings: Sequence[str]
+) -> subprocess.Popen[bytes]:
+    command = [sys.executable, str(KEEPER), str(binaries), str(cluster.port), *settings]
     # A session of its own: an interrupt from the keyboard is for the tests, whose fixtures still need the server.
     keeper = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=log, stderr=log, start_new_session=True)
     assert keeper.stdin is not None
@@ -127,13 +150,18 @@ def _start_keeper(binaries: Path, cluster: PostgresCluster, log: IO[bytes]) -> s
 def _wait_until_ready(keeper: subprocess.Popen[bytes], cluster: PostgresCluster) -> bool:
     deadline = time.monotonic() + START_S
     while keeper.poll() is None and time.monotonic() < deadline:
-        try:
-            psycopg.connect(cluster.url(), connect_timeout=2).close()
-        except psycopg.OperationalError:
-            time.sleep(0.05)
-        else:
+        if _answers(cluster):
             return True
+        time.sleep(0.05)
     return False
+
+
+def _answers(cluster: PostgresCluster) -> bool:
+    try:
+        psycopg.connect(cluster.url(), connect_timeout=2).close()
+    except psycopg.OperationalError:
+        return False
+    return True
 
 
 def _stop(keeper: subprocess.Popen[bytes]) -> None:

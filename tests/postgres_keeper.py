@@ -1,7 +1,8 @@
 """Runs a throw-away PostgreSQL server for as long as its own standard input is open; a program of its own.
 
-`postgres_keeper.py BIN PORT`, the superuser's password as the first line of standard input. However the process that
-holds the other end of that pipe ends, by SIGKILL too, the kernel closes it: then the server ends and its folder goes.
+`postgres_keeper.py BIN PORT [NAME=VALUE...]`, settings beside the usual; the superuser's password as the first line of
+standard input. However the process that holds the other end of that pipe ends, by SIGKILL too, the kernel closes it:
+then the server ends and its folder goes. The lines `stop` and `start` stop the server and start it again.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import tempfile
 from pathlib import Path
 
 USER = "rayfarm"
+STOP, START = b"stop\n", b"start\n"
 SETTINGS = {
     "listen_addresses": "127.0.0.1",
     "unix_socket_directories": "",
@@ -30,7 +32,7 @@ SETTINGS = {
 }
 
 
-def main(binaries: Path, port: str) -> None:
+def main(binaries: Path, port: str, settings: list[str]) -> None:
     """Make a cluster, serve it at 127.0.0.1:`port` until standard input ends, remove it."""
     folder = Path(tempfile.mkdtemp(prefix="rayfarm-postgres-"))
     try:
@@ -39,21 +41,26 @@ def main(binaries: Path, port: str) -> None:
         if user is not None:
             for path in (folder, folder / "password"):
                 os.chown(path, user.pw_uid, user.pw_gid)
-        _serve(_prefix(user), binaries, port, folder)
+        _serve(_prefix(user), binaries, port, folder, settings)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _serve(prefix: list[str], binaries: Path, port: str, folder: Path) -> None:
+def _serve(prefix: list[str], binaries: Path, port: str, folder: Path, others: list[str]) -> None:
     data = str(folder / "data")
     initdb = [str(binaries / "initdb"), "-D", data, "-U", USER, "--auth=scram-sha-256", "--no-sync"]
     initdb += [f"--pwfile={folder / 'password'}", "--encoding=UTF8", "--locale=C"]
     subprocess.run([*prefix, *initdb], cwd=folder, stdin=subprocess.DEVNULL, check=True)
-    settings = [f"-c{name}={value}" for name, value in SETTINGS.items()]
+    settings = [f"-c{name}={value}" for name, value in SETTINGS.items()] + [f"-c{other}" for other in others]
     command = [*prefix, str(binaries / "postgres"), "-D", data, "-p", port, *settings]
-    with subprocess.Popen(command, cwd=folder, stdin=subprocess.DEVNULL) as server:
-        select.select([sys.stdin, os.pidfd_open(server.pid)], [], [])
-        server.send_signal(signal.SIGQUIT)  # PostgreSQL's immediate shutdown: nothing here is worth a checkpoint.
+    told = START
+    while told == START:
+        with subprocess.Popen(command, cwd=folder, stdin=subprocess.DEVNULL) as server:
+            select.select([sys.stdin, os.pidfd_open(server.pid)], [], [])
+            server.send_signal(signal.SIGQUIT)  # PostgreSQL's immediate shutdown: its next start recovers from it.
+        told = os.read(sys.stdin.fileno(), 4096)
+        if told == STOP:
+            told = os.read(sys.stdin.fileno(), 4096)
 
 
 def _unprivileged() -> pwd.struct_passwd | None:
@@ -71,4 +78,4 @@ def _prefix(user: pwd.struct_passwd | None) -> list[str]:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2])
+    main(Path(sys.argv[1]), sys.argv[2], sys.argv[3:])

@@ -8,7 +8,6 @@ from http.cookies import CookieError, SimpleCookie
 from urllib.parse import quote
 
 from anyio import to_thread
-from sqlalchemy.exc import SQLAlchemyError
 from starlette.datastructures import Headers
 from starlette.responses import RedirectResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -20,7 +19,8 @@ from server.access.scopes import Scope as Wanted
 from server.access.tokens import Holder
 from server.guard import from_own_page
 from server.logs import facts
-from server.problems import problem
+from server.problems import AGAIN_S, problem
+from server.store.errors import AWAY, sentence
 
 log = logging.getLogger("rayfarm.access")
 
@@ -47,8 +47,8 @@ class Access:
         if wanted is not None:
             try:
                 refused = await self._refusal(scope, wanted)
-            except SQLAlchemyError:
-                refused = problem(503, "The database does not answer.")
+            except AWAY as error:
+                refused = problem(503, sentence(error), {"Retry-After": str(AGAIN_S)})
             if refused is not None:
                 await refused(scope, receive, send)
                 return
@@ -78,8 +78,8 @@ class Access:
         if not seconds:
             return None
         after = math.ceil(seconds)
-        sentence = f"These are too many submissions: wait {after} s, or put the work into one study."
-        return problem(429, sentence, {"Retry-After": str(after)})
+        said = f"These are too many submissions: wait {after} s, or put the work into one study."
+        return problem(429, said, {"Retry-After": str(after)})
 
 
 def session_text(headers: Headers) -> str | None:

@@ -9,6 +9,7 @@ from fastapi.responses import JSONResponse, Response
 
 from server.api.state import database_of
 from server.api.views import find_job
+from server.keeping.prune import pruned_at
 from server.problems import Problem
 from server.series.frames import read_series, series_csv, series_view
 
@@ -28,6 +29,8 @@ def read_frames(
         if job.result is None:
             raise Problem(409, f"Job {job_id} is {job.state} and has no result: frames come with it.")
         document = job.result.document
+    if (day := pruned_at(document, "frames")) is not None:
+        raise Problem(410, f"The raw frames of job {job_id} were pruned on {day}; its result stays.")
     series = read_series(document)
     if form == "csv":
         return Response(series_csv(series), media_type="text/csv; charset=utf-8")

@@ -67,6 +67,11 @@ def read_file(job_id: str, profile_id: str, request: Request) -> Response:
     """The file as it was imported, byte for byte."""
     with database_of(request).reading() as session:
         profile = find_profile(session, job_id, profile_id)
+    if profile.pruned_at is not None:
+        day = profile.pruned_at.date()
+        raise Problem(
+            410, f"The text of this profile was pruned on {day}; its metrics stay: import it again for its text."
+        )
     headers = {
         "Content-Disposition": f"attachment; filename*=UTF-8''{quote(profile.file_name, safe='')}",
         "Content-Length": str(profile.size),

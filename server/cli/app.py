@@ -12,6 +12,7 @@ from server.cli import bench as cli_bench
 from server.cli import compare as cli_compare
 from server.cli import compile as cli_compile
 from server.cli import devices as cli_devices
+from server.cli import keeping as cli_keeping
 from server.cli import profile as cli_profile
 from server.cli import recommend as cli_recommend
 from server.cli import scenes as cli_scenes
@@ -45,6 +46,7 @@ for verbs in (
     cli_profile,
     cli_up,
     cli_tokens,
+    cli_keeping,
 ):
     verbs.register(app)
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 TIMEOUT_S = 60.0
 UPLOAD_S = 900.0
 """How long a service may take to read a file after it was sent."""
+UNAVAILABLE = 503
 PAUSES_S = (0.5, 1.0, 2.0, 4.0)
 """Between the tries of a submission whose connection is lost."""
 PLAIN_WIDTH = 160
@@ -135,16 +136,22 @@ class Client:
         return answer
 
     def _send(self, method: str, path: str, pauses: tuple[float, ...], **values: Any) -> httpx.Response:
-        """Send, and again after each of the pauses while the connection is lost; not where nobody listens at first."""
+        """Send, and again after each of the pauses while the connection is lost or the service's database is away.
+
+        Not where nobody listens at first.
+        """
         import httpx
 
         for number, pause_s in enumerate(pauses):
             try:
-                return self._http.request(method, f"/api/v1/{path}", **values)
+                answer = self._http.request(method, f"/api/v1/{path}", **values)
             except httpx.TransportError as error:
                 if number == 0 and isinstance(error, httpx.ConnectError):
                     raise
-                time.sleep(pause_s)
+            else:
+                if answer.status_code != UNAVAILABLE:
+                    return answer
+            time.sleep(pause_s)
         return self._http.request(method, f"/api/v1/{path}", **values)
 
 

@@ -46,6 +46,9 @@ LINES = 100
 RAW = ("frames_ms", "frames_cpu_ms", "frames_gpu_ms", "samples")
 """Raw series: a CSV has them, a cell of a comparison leaves them to its job."""
 
+PRUNED = "pruned"
+"""Where a document says what of it was pruned: no figure, and no column."""
+
 OBJECTS = (
     *("device", "sah", "frame_ms", "rays", "per_ray", "model", "error", "vs_embree", "profile", "versions"),
     "pictures",
@@ -71,7 +74,7 @@ def flatten(stored: Stored, *, lists: bool = False) -> dict[str, Any]:
 def flatten_document(document: dict[str, Any], *, lists: bool = False) -> dict[str, Any]:
     """A result's document alone as a flat row."""
     row: dict[str, Any] = {}
-    _flatten_into(row, "", {key: value for key, value in document.items() if key != "size"}, lists)
+    _flatten_into(row, "", {key: value for key, value in document.items() if key not in ("size", PRUNED)}, lists)
     row["size"] = "x".join(str(side) for side in document.get("size") or ())
     return row
 

@@ -19,6 +19,7 @@ from server.dashboard.page_compile import compiled_rows
 from server.dashboard.result_words import asked_words, environment, left_out
 from server.dashboard.templates import render
 from server.dashboard.waiting import body_again, wait_of
+from server.keeping.prune import pruned_at
 from server.profiles.formats import FORMATS
 from server.profiles.store import job_profiles, profile_view
 from server.recommendations import asked_of
@@ -65,6 +66,7 @@ def _result_context(session: Session, job: Job, document: Json | None) -> Json:
         "compiled": compiled_rows(session, document, job.id) if "compiled" in document else [],
         "environment": environment(document),
         "left_out": left_out(document),
+        "pruned": {what: pruned_at(document, what) for what in ("frames", "files")},
         "pictures": {"image": None, "counts": None} | (document.get("pictures") or {}),
         "fields": result_fields(without_raw(document)),
         "series": _series_context(read_series(document)),

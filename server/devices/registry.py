@@ -112,6 +112,11 @@ def live_hosts(session: Session, lease_s: float) -> set[str]:
     return set(session.scalars(select(Worker.host).where(*alive)))
 
 
+def held_hosts(session: Session) -> set[str]:
+    """The hosts with a worker that nobody has given up."""
+    return set(session.scalars(select(Worker.host).where(Worker.ended_at.is_(None), Worker.reaped_at.is_(None))))
+
+
 def find(session: Session, device_id: str, **options: Any) -> Device | None:
     """A device by id; None when there is none, or its row stands for a pairing."""
     device = session.get(Device, device_id, **options)

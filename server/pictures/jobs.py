@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 
 from renderer.counts import METRICS
 from server.api.views import find_job
+from server.keeping.prune import pruned_at
 from server.pictures.taken import is_name
 from server.problems import Problem
 from server.store.models import Job, Result
@@ -54,6 +55,9 @@ def find_pictured(session: Session, job_id: str) -> Pictured:
     rows = session.execute(_pictured().where(Result.job_id == job.id)).all()
     found = _read(rows)
     if not found:
+        day = pruned_at(job.result.document, "files") if job.result else None
+        if day is not None:
+            raise Problem(410, f"The pictures of job {job_id} were pruned on {day}; its result stays.")
         state = "" if job.state == "done" else f" and is {job.state}"
         raise Problem(404, f"Job {job_id} has no picture{state}: submit it again to have one.")
     return found[0]

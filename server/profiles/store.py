@@ -63,6 +63,8 @@ def import_file(
         same = next((one for one in there if _identity(one) == _identity(profile)), None)
         if same is None:
             _add(session, job, profile, imported, there)
+        else:
+            same.pruned_at = None  # Its text is here again.
         stored = same or profile
         return profile_view(stored, with_metrics=True), same is None
 
@@ -96,6 +98,7 @@ def profile_view(profile: Profile, *, with_metrics: bool) -> dict[str, Any]:
         "rows": profile.rows,
         "imported_at": profile.imported_at.isoformat(timespec="milliseconds"),
         "time_unit": "unverified",
+        "pruned_at": profile.pruned_at and profile.pruned_at.date().isoformat(),
         "url": url,
         "file": f"{url}/file",
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 
@@ -14,7 +14,10 @@ from sqlalchemy import select
 from server.devices import registry
 from server.queue import dispatch, lives
 from server.queue.durable import Durable
+from server.queue.trouble import Trouble
+from server.queue.watch import Watch
 from server.store.database import Database
+from server.store.errors import AWAY
 from server.store.models import Device, now
 
 log = logging.getLogger("rayfarm.care")
@@ -24,17 +27,17 @@ TIDY_S = 3600.0
 KEPT = timedelta(days=7)
 
 
-def look_after(database: Database, durable: Durable, lease_s: float) -> None:
+def look_after(database: Database, durable: Durable, watch: Watch) -> None:
     """Hand on what the dead held, show the devices of hosts without a worker as away, send slices where they belong."""
-    lives.reap_dead(database, durable, lease_s)
-    _miss_hosts(database, lease_s)
+    lives.reap_dead(database, durable, watch)
+    _miss_hosts(database)
     dispatch.settle(database, durable)
 
 
-def _miss_hosts(database: Database, lease_s: float) -> None:
+def _miss_hosts(database: Database) -> None:
     shown = select(Device.host).where(Device.presence != "offline", Device.host.is_not(None)).distinct()
     with database.reading() as session:
-        missed = set(session.scalars(shown)) - registry.live_hosts(session, lease_s)
+        missed = set(session.scalars(shown)) - registry.held_hosts(session)
     for host in sorted(str(name) for name in missed):
         with database.writing() as session:
             registry.host_gone(session, host)
@@ -49,18 +52,24 @@ def tidy(database: Database, durable: Durable) -> None:
 
 
 @contextmanager
-def caring(database: Database, durable: Durable, lease_s: float) -> Iterator[None]:
-    """Look after the farm in a thread, to the end of the block, and tidy up now and then."""
-    ended = threading.Event()
+def caring(
+    database: Database, durable: Durable, lease_s: float, prune: Callable[[], object] = lambda: None
+) -> Iterator[None]:
+    """Look after the farm in a thread, to the end of the block, and tidy up and `prune` now and then."""
+    ended, watch, trouble = threading.Event(), Watch(lease_s), Trouble(log)
 
     def run() -> None:
         tidied = 0.0
         while not ended.wait(min(CARE_S, lease_s / 10)):
             try:
-                look_after(database, durable, lease_s)
+                look_after(database, durable, watch)
                 if not tidied or time.monotonic() - tidied > TIDY_S:
                     tidy(database, durable)
+                    prune()
                     tidied = time.monotonic()
+                trouble.over()
+            except AWAY as error:
+                trouble.seen(error)
             except Exception:
                 log.exception("looking after the farm failed; it is tried again")
 

@@ -1,7 +1,8 @@
 """The lives of workers: signs of life, and the handing on of what a dead one held.
 
-A worker is dead when its last sign of life is older than the lease, or at once when its process on this machine is
-gone. It is given up by one of the living, in one update of its row; from then on it must end, whatever it was doing.
+A worker is dead when it has given no sign of life for the lease, as `watch` times it, or at once when its process on
+this machine is gone. It is given up by one of the living, in one update of its row; from then on it must end, whatever
+it was doing.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from sqlalchemy import CursorResult, delete, or_, select, update
 from server.logs import facts
 from server.queue.durable import Durable
 from server.queue.ledger import lose
+from server.queue.watch import Watch
 from server.store.database import Database
 from server.store.models import Slice, Worker, now
 from server.store.states import HELD
@@ -53,16 +55,16 @@ def end(database: Database, durable: Durable, worker: str) -> None:
     reap(database, durable, worker, "Its worker was stopped.")
 
 
-def reap_dead(database: Database, durable: Durable, lease_s: float) -> int:
+def reap_dead(database: Database, durable: Durable, watch: Watch) -> int:
     """Hand on the work of dead workers; return how many were given up."""
-    expired = now() - timedelta(seconds=lease_s)
     with database.reading() as session:
         known = session.execute(select(Worker.id, Worker.beat_at).where(Worker.reaped_at.is_(None))).all()
         tried = now() - timedelta(seconds=HANDING_ON_S)
         unfinished = session.scalars(
             select(Worker.id).where(Worker.reaped_at < tried, Worker.handed_on_at.is_(None))
         ).all()
-    dead = [worker for worker, beat_at in known if beat_at < expired or is_dead_here(worker)]
+    silent = watch.silent([(worker, beat_at) for worker, beat_at in known])
+    dead = [worker for worker, _ in known if worker in silent or is_dead_here(worker)]
     return sum(reap(database, durable, worker, "Its worker was lost.") for worker in [*dead, *unfinished])
 
 

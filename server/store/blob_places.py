@@ -10,8 +10,8 @@ import os
 import re
 import tempfile
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
-from datetime import timedelta
+from contextlib import AbstractContextManager, contextmanager, suppress
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Protocol
 
@@ -28,6 +28,7 @@ PART = 5 << 20
 """The smallest part that S3 takes of a large upload; two of them are in memory at once."""
 RETRY_S = 20
 MAX_REASON = 300
+_BLOB = re.compile(r"[0-9a-f]{64}")
 
 
 class BlobError(RuntimeError):
@@ -51,6 +52,18 @@ class Place(Protocol):
 
     def open(self, name: str) -> Iterator[bytes]:
         """A blob as it lies there, piece by piece; BlobError at once when it is not there."""
+        ...
+
+    def touch(self, name: str) -> None:
+        """Note that a blob was wanted anew."""
+        ...
+
+    def older(self, time: datetime) -> Iterator[tuple[str, int]]:
+        """The blobs that were added or touched last before a time, with their sizes."""
+        ...
+
+    def remove(self, name: str, before: datetime) -> None:
+        """Remove a blob, unless it was added or touched since a time."""
         ...
 
 
@@ -92,6 +105,26 @@ class Folder:
         except OSError as error:
             raise BlobError(f"The file is not in this server's folder {self.folder}: set RAYFARM_BLOBS.") from error
         return _pieces(file)
+
+    def touch(self, name: str) -> None:
+        """Set the file's time."""
+        with _told(f"The folder {self.folder} cannot be written"):
+            os.utime(self._path(name))
+
+    def older(self, time: datetime) -> Iterator[tuple[str, int]]:
+        """Files by their times."""
+        for path in sorted(self.folder.glob("[0-9a-f][0-9a-f]/*.gz")):
+            with suppress(FileNotFoundError):
+                found = path.stat()
+                if _BLOB.fullmatch(path.stem) and found.st_mtime < time.timestamp():
+                    yield path.stem, found.st_size
+
+    def remove(self, name: str, before: datetime) -> None:
+        """Remove the file."""
+        path = self._path(name)
+        with _told(f"The folder {self.folder} cannot be written"), suppress(FileNotFoundError):
+            if path.stat().st_mtime < before.timestamp():
+                path.unlink()
 
     def _path(self, name: str) -> Path:
         return self.folder / name[:2] / f"{name}.gz"
@@ -141,6 +174,30 @@ class Bucket:
         except (BaseError, OSError) as error:
             raise self._unusable("read", error) from error
         return self._downloaded(stream)
+
+    def touch(self, name: str) -> None:
+        """Nothing: an object's time is that of its upload."""
+
+    def older(self, time: datetime) -> Iterator[tuple[str, int]]:
+        """Objects by the times of their uploads."""
+        try:
+            for page in obstore.list(self._store):
+                for found in page:
+                    name = found["path"].rpartition("/")[2].removesuffix(".gz")
+                    if _BLOB.fullmatch(name) and found["last_modified"] < time:
+                        yield name, found["size"]
+        except (BaseError, OSError) as error:
+            raise self._unusable("read", error) from error
+
+    def remove(self, name: str, before: datetime) -> None:
+        """Delete the object."""
+        try:
+            if obstore.head(self._store, _key(name))["last_modified"] < before:
+                obstore.delete(self._store, _key(name))
+        except FileNotFoundError:
+            pass
+        except (BaseError, OSError) as error:
+            raise self._unusable("written", error) from error
 
     def _downloaded(self, stream: Iterator[bytes]) -> Iterator[bytes]:
         try:

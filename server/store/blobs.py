@@ -1,13 +1,15 @@
-"""Blobs: files named by the SHA-256 of their content, gzipped, in a folder or a bucket. They are only ever added."""
+"""Blobs: files named by the SHA-256 of their content, gzipped, in a folder or a bucket; added, and at last pruned."""
 
 from __future__ import annotations
 
 import gzip
 import hashlib
 import shutil
+import tempfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO
 
@@ -19,6 +21,10 @@ LEVEL = 1
 """Profiles are figures as text: more than the least effort takes three times as long for a tenth of the size."""
 WITH_HEADER = 31
 """zlib's `wbits` for gzip."""
+
+
+class DamagedError(BlobError):
+    """A blob that does not hold what was kept."""
 
 
 class Incoming:
@@ -79,10 +85,54 @@ class Blobs:
 
     def read(self, name: str) -> Iterator[bytes]:
         """A blob's content, piece by piece; raise BlobError at once when it is not there."""
-        return _unpacked(self._place.open(name))
+        return self._checked(name, self._place.open(name))
+
+    def _checked(self, name: str, packed: Iterator[bytes]) -> Iterator[bytes]:
+        """The content; a blob that is damaged is removed, so that the same content can be kept again."""
+        digest = hashlib.sha256()
+        try:
+            for piece in _unpacked(packed):
+                digest.update(piece)
+                yield piece
+            if digest.hexdigest() != name:
+                raise DamagedError("A stored file is damaged: it has another content than its name says.")
+        except DamagedError:
+            self._place.remove(name, datetime.now(UTC))
+            raise
+
+    @contextmanager
+    def packed(self, name: str) -> Iterator[BinaryIO]:
+        """A blob as it lies there, gzipped, in a temporary file; raise BlobError when it is not there."""
+        with tempfile.TemporaryFile() as file:
+            for piece in self._place.open(name):
+                file.write(piece)
+            yield file
+
+    def keep_packed(self, name: str, packed: BinaryIO) -> None:
+        """Make a blob of what `packed` gave; raise BlobError when that is not what the name says."""
+        with self._place.scratch("restoring-") as (file, path):
+            shutil.copyfileobj(packed, file, CHUNK)
+            file.flush()
+            digest = hashlib.sha256()
+            with path.open("rb") as source:
+                for piece in _unpacked(iter(lambda: source.read(CHUNK), b"")):
+                    digest.update(piece)
+            if digest.hexdigest() != name:
+                raise DamagedError(f"The file {name[:12]} has another content than its name says.")
+            if not self._place.has(name):
+                self._place.add(name, file, path)
+
+    def kept_before(self, time: datetime) -> Iterator[tuple[str, int]]:
+        """The blobs that were last kept before a time, with their sizes in bytes as they lie there."""
+        return self._place.older(time)
+
+    def remove(self, name: str, before: datetime) -> None:
+        """Remove a blob that nobody needs, unless it was kept again since a time."""
+        self._place.remove(name, before)
 
     def _keep(self, name: str, path: Path) -> None:
         if self._place.has(name):
+            self._place.touch(name)
             return
         with self._place.scratch("packing-") as (file, packing), path.open("rb") as source:
             # No name and no time in the header: the same content gives the same bytes.
@@ -104,6 +154,6 @@ def _unpacked(packed: Iterator[bytes]) -> Iterator[bytes]:
         if content := unpacker.flush():
             yield content
     except zlib.error as error:
-        raise BlobError("A stored file is damaged: it does not unpack.") from error
+        raise DamagedError("A stored file is damaged: it does not unpack.") from error
     if not unpacker.eof:
-        raise BlobError("A stored file is damaged: it ends too soon.")
+        raise DamagedError("A stored file is damaged: it ends too soon.")

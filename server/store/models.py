@@ -192,7 +192,8 @@ class Setup(Base):
 class Result(Base):
     """A job's result: the whole document, and the columns that a comparison filters on and groups by.
 
-    Results are only ever added, so the larger of two ids is the later result.
+    Results are only ever added, so the larger of two ids is the later result; old ones lose their raw frames
+    where that is asked for (`server.keeping.prune`).
     """
 
     __tablename__ = "results"
@@ -273,6 +274,7 @@ class Profile(Base):
     """A profiler's file that was imported for a job: what it was, and where its text is (`sha256` in the blob store).
 
     `column_map` is the map that it was read with, metric or role to column; None where its format needed none.
+    Its text is gone since `pruned_at`.
     """
 
     __tablename__ = "profiles"
@@ -286,6 +288,7 @@ class Profile(Base):
     size: Mapped[int] = mapped_column(BigInteger)
     rows: Mapped[int] = mapped_column(BigInteger)
     imported_at: Mapped[datetime] = mapped_column(default=now)
+    pruned_at: Mapped[datetime | None]
 
     metrics: Mapped[list[ProfileMetric]] = relationship(order_by="ProfileMetric.id")
 

@@ -20,10 +20,12 @@ from renderer.child import AsyncSay, ChildError
 from renderer.host import DeviceGoneError
 from renderer.request import Request
 from server.cli.service import GIVEN_UP
+from server.devices import registry
 from server.devices.registry import PHONE
 from server.queue import care, dispatch, ledger, lives
 from server.queue.dispatch import put_slices
 from server.queue.ledger import Claim
+from server.queue.watch import Watch
 from server.store.models import Device, Slice, Worker, now
 
 WORKER = Path(__file__).with_name("worker_process.py")
@@ -129,12 +131,36 @@ def test_a_frozen_worker_loses_its_slice_and_cannot_record(
     assert service.bench.order == [("cornell-box", "bvh-stack", 0)]
 
 
+@pytest.mark.parametrize("days", [3, -3])
+def test_a_clock_that_is_set_takes_no_worker_for_dead(
+    service: Service, monkeypatch: pytest.MonkeyPatch, days: int
+) -> None:
+    """The clock of every sign of life, claim and record; the queue's own times are the database's or its library's."""
+    job = service.post("jobs", scene="cornell-box", frames=1)
+    measuring = asyncio.Event()
+
+    async def run_slice(held: Claim, say: AsyncSay) -> dict[str, Any]:
+        measuring.set()
+        await asyncio.sleep(LEASE_S + 2)
+        return await service.bench.run_slice(held, say)
+
+    with service.working(run_slice) as worker:
+        wait_for(measuring.is_set)
+        for module in (lives, ledger, registry):
+            monkeypatch.setattr(module, "now", lambda: now() + timedelta(days=days))
+        wait_for(lambda: service.get(f"jobs/{job['id']}")["state"] == "done")
+        assert not worker.given_up
+    with service.database.reading() as session:
+        assert [part.attempts for part in session.scalars(select(Slice))] == [1]
+        assert abs(session.scalars(select(Worker)).one().beat_at - now()) > timedelta(days=2)
+
+
 def test_a_slice_that_kills_its_workers_ends_its_job(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ledger, "MAX_ATTEMPTS", 2)
     job = service.post("jobs", scene="cornell-box", frames=1)
     for name in ("elsewhere:1:a", "elsewhere:2:b"):
         assert take(service, name) is not None
-        assert lives.reap_dead(service.database, service.durable, lease_s=0) == 1
+        assert lives.reap_dead(service.database, service.durable, Watch(0)) == 1
     after = service.get(f"jobs/{job['id']}")
     assert after["state"] == "failed"
     assert after["reason"] == "Its worker was lost. That was attempt 2, the last."
@@ -146,8 +172,8 @@ def test_only_the_holder_may_record_a_slice(service: Service) -> None:
     job = service.post("jobs", scene="cornell-box", frames=1)
     first = take(service, "elsewhere:1:a")
     assert first is not None
-    assert lives.reap_dead(service.database, service.durable, lease_s=60) == 0
-    assert lives.reap_dead(service.database, service.durable, lease_s=0) == 1
+    assert lives.reap_dead(service.database, service.durable, Watch(60)) == 0
+    assert lives.reap_dead(service.database, service.durable, Watch(0)) == 1
     assert not lives.beat(service.database, "elsewhere:1:a")
     second = take(service, "elsewhere:2:b")
     assert second is not None
