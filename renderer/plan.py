@@ -1,7 +1,7 @@
 """The plan: a variant made concrete for a scene. Texts, buffers, passes; no Python and no Java in it.
 
-One file: the magic, the format's version and the header's length as little-endian uint32, the JSON header, then the
-buffers at 16-byte boundaries counted from the header's end. Every buffer and text carries its sha256.
+One file: the magic, the format's version and the header's length as little-endian uint32, the header's sha256, the JSON
+header, then the buffers at 16-byte boundaries counted from the header's end. Every buffer and text carries its sha256.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 MAGIC = b"RAYFARM\0"
-VERSION = 1
+VERSION = 2
+HEAD = 48
+"""Bytes before the header."""
 _ALIGN = 16
 
 GROUP = 8
@@ -125,7 +127,7 @@ class Plan:
         header, blobs = _header(self)
         text = json.dumps(header, sort_keys=True).encode()
         with path.open("wb") as out:
-            out.write(MAGIC + struct.pack("<II", VERSION, len(text)) + text)
+            out.write(MAGIC + struct.pack("<II", VERSION, len(text)) + hashlib.sha256(text).digest() + text)
             for blob in blobs:
                 out.write(blob)
                 out.write(bytes(-len(blob) % _ALIGN))
@@ -133,17 +135,29 @@ class Plan:
 
 def load_plan(path: Path) -> Plan:
     """Read a plan; raise PlanError for another version, a torn file or a buffer that fails its checksum."""
-    data = path.read_bytes()
-    if data[:8] != MAGIC or len(data) < 16:
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise PlanError(f"The plan {path.name} cannot be read.") from error
+    if data[:8] != MAGIC or len(data) < HEAD:
         raise PlanError(f"{path.name} is not a RayFarm plan.")
     version, length = struct.unpack_from("<II", data, 8)
     if version != VERSION:
         raise PlanError(f"{path.name} is a plan of version {version}; this host reads version {VERSION}.")
+    text = data[HEAD : HEAD + length]
+    torn = f"{path.name} is torn: its header cannot be read."
+    if len(text) != length or hashlib.sha256(text).digest() != data[16:HEAD]:
+        raise PlanError(torn)
     try:
-        header = json.loads(data[16 : 16 + length])
-    except ValueError as error:
-        raise PlanError(f"{path.name} is torn: its header cannot be read.") from error
-    buffers = tuple(_read_buffer(data, 16 + length, entry) for entry in header["buffers"])
+        return _read(json.loads(text), data, HEAD + length)
+    except PlanError:
+        raise
+    except (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, RecursionError) as error:
+        raise PlanError(torn) from error  # Whole, and yet no header of a plan.
+
+
+def _read(header: dict[str, Any], data: bytes, base: int) -> Plan:
+    buffers = tuple(_read_buffer(data, base, entry) for entry in header["buffers"])
     return Plan(
         size=_pair(header["size"]),
         tile=_pair(header["tile"]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from datetime import timedelta
+from functools import partial
 
 from fastapi import FastAPI, Request
 from fastapi.responses import Response
@@ -29,6 +30,7 @@ from server.api import recommendations as api_recommendations
 from server.api import schema
 from server.api import studies as api_studies
 from server.api import trace as api_trace
+from server.api.idempotency import forget_submissions
 from server.api.state import database_of
 from server.dashboard import pages
 from server.guard import Guard
@@ -48,15 +50,18 @@ def create_app(settings: Settings) -> FastAPI:
     blobs = Blobs(settings.blobs)
     ages = Ages(_days(settings.keep_frames_days), _days(settings.keep_files_days))
 
+    def tidy_up(database: Database) -> None:
+        with database.writing() as session:
+            forget_submissions(session)
+        prune(database, blobs, ages)
+
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.database = Database(settings.database_url)
         app.state.durable = Durable(app.state.database)
         app.state.feed = Feed(app.state.database)
         try:
-            with caring(
-                app.state.database, app.state.durable, settings.lease_s, lambda: prune(app.state.database, blobs, ages)
-            ):
+            with caring(app.state.database, app.state.durable, settings.lease_s, partial(tidy_up, app.state.database)):
                 yield
         finally:
             await app.state.feed.close()

@@ -80,7 +80,11 @@ def earlier_answer(database: Database, submission: Submission) -> JSONResponse |
         return None
     with database.reading() as session:
         stored = session.get(Submitted, submission.kept_as)
-    if stored is None or stored.created_at < now() - KEPT:
+    if stored is None:
+        return None
+    if stored.created_at < now() - KEPT:
+        with database.writing() as session:
+            forget_submissions(session)
         return None
     if stored.digest != submission.digest:
         raise Problem(
@@ -106,7 +110,11 @@ def answer_once(database: Database, submission: Submission, create: Callable[[Se
     return answer.response()
 
 
-def _keep(session: Session, submission: Submission, answer: Answer) -> None:
+def forget_submissions(session: Session) -> None:
+    """Delete the answers that are too old to be given again."""
     session.execute(delete(Submitted).where(Submitted.created_at < now() - KEPT))
+
+
+def _keep(session: Session, submission: Submission, answer: Answer) -> None:
     kept = {"status": answer.status, "location": answer.location, "body": answer.body}
     session.add(Submitted(key=submission.kept_as, digest=submission.digest, **kept))

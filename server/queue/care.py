@@ -53,9 +53,9 @@ def tidy(database: Database, durable: Durable) -> None:
 
 @contextmanager
 def caring(
-    database: Database, durable: Durable, lease_s: float, prune: Callable[[], object] = lambda: None
+    database: Database, durable: Durable, lease_s: float, tidy_up: Callable[[], object] = lambda: None
 ) -> Iterator[None]:
-    """Look after the farm in a thread, to the end of the block, and tidy up and `prune` now and then."""
+    """Look after the farm in a thread, to the end of the block, and tidy up now and then, with `tidy_up` besides."""
     ended, watch, trouble = threading.Event(), Watch(lease_s), Trouble(log)
 
     def run() -> None:
@@ -65,7 +65,7 @@ def caring(
                 look_after(database, durable, watch)
                 if not tidied or time.monotonic() - tidied > TIDY_S:
                     tidy(database, durable)
-                    prune()
+                    tidy_up()
                     tidied = time.monotonic()
                 trouble.over()
             except AWAY as error:

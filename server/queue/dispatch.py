@@ -51,6 +51,13 @@ def require_device(session: Session, device: str) -> None:
 def put_slices(session: Session, durable: Durable, slices: Sequence[Slice], delay_s: float = 0.0) -> None:
     """Enqueue slices in the session's transaction; one whose device is not ready waits for it instead."""
     targets = {device: _target(session, device) for device in {part.job.device for part in slices}}
+    with session.no_autoflush:  # All their changes are written at once.
+        _put(session, durable, slices, targets, delay_s)
+
+
+def _put(
+    session: Session, durable: Durable, slices: Sequence[Slice], targets: dict[str, Target | None], delay_s: float
+) -> None:
     for part in slices:
         target = targets[part.job.device]
         if target is None:

@@ -32,7 +32,11 @@ class Durable:
         """Open the queue beside the store's tables, making its own where they are missing."""
         self.url = database.engine.url.render_as_string(hide_password=False)
         DBOS.migrate(self.url)
-        self._client = DBOSClient(system_database_url=self.url, application_name=APP, system_database_pool_size=2)
+        # Of PostgreSQL it takes our engine: it compiles an enqueuing anew each time on a session of another one.
+        place: dict[str, Any] = {"system_database_engine": database.engine}
+        if database.engine.dialect.name == "sqlite":
+            place = {"system_database_url": self.url, "system_database_pool_size": 2}
+        self._client = DBOSClient(application_name=APP, retry_connection_errors=False, **place)
 
     def register_queues(self, host: str, poll_s: float) -> None:
         """Make the queues that a host's worker listens to, looked at every `poll_s` seconds."""

@@ -41,8 +41,6 @@ def add_jobs(
     A study's configurations are interleaved in rounds, so that drift hits all alike (DESIGN.md, Timing).
     """
     jobs = [_add_job(session, order, priority, study_id) for order in orders]
-    session.flush()
-    session.add_all(Change(job_id=job.id, state="queued", at=job.created_at) for job in jobs)
     rounds = max((order.request.rounds for order in orders), default=0)
     slices = [
         Slice(job=job, round=index)
@@ -111,6 +109,8 @@ def _add_job(session: Session, order: Order, priority: int, study_id: int | None
         device=order.device,
         priority=priority,
         created_at=now(),
+        result=None,
     )
+    job.changes.append(Change(state="queued", at=job.created_at))
     session.add(job)
     return job

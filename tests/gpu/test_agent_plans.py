@@ -18,7 +18,7 @@ from renderer.plan import Buffer, Plan, PlanError, Program, load_plan
 from renderer.twin import Twin
 from renderer.variant import AXES, Variant
 
-GOLDEN = Path(__file__).parent.parent / "fixtures" / "plan_v1.bin"
+GOLDEN = Path(__file__).parent.parent / "fixtures" / "plan_v2.bin"
 SIZE = (24, 16)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import struct
 from dataclasses import replace
@@ -12,10 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from renderer.plan import MAGIC, VERSION, Buffer, Pass, Plan, PlanError, Program, Texture, load_plan
+from renderer.plan import HEAD, MAGIC, VERSION, Buffer, Pass, Plan, PlanError, Program, Texture, load_plan
 from renderer.twin import Twin, check_limits
 
-GOLDEN = Path(__file__).parent.parent / "fixtures" / "plan_v1.bin"
+GOLDEN = Path(__file__).parent.parent / "fixtures" / "plan_v2.bin"
 
 TEXT = "#version 310 es\nvoid main() { }\n"
 PLAN = Plan(
@@ -70,16 +71,17 @@ def test_the_pinned_bytes_are_the_plan() -> None:
 
 
 def test_the_layout_is_as_written_down() -> None:
-    """What a host without Python relies on: magic, version, header's length, header, buffers at 16-byte boundaries."""
+    """What a host without Python relies on: magic, version, header's length and sha256, header, buffers by 16 bytes."""
     data = GOLDEN.read_bytes()
     assert data[:8] == MAGIC
     version, length = struct.unpack_from("<II", data, 8)
-    assert version == VERSION == 1
-    header = json.loads(data[16 : 16 + length])
+    assert version == VERSION == 2
+    assert data[16:48] == hashlib.sha256(data[48 : 48 + length]).digest()
+    header = json.loads(data[48 : 48 + length])
     offsets = {entry["name"]: (entry["offset"], entry["bytes"]) for entry in header["buffers"]}
     assert offsets == {"nodes": (0, 20), "primitives": (32, 16), "empty": (48, 0), "state": (None, 2048)}
-    assert data[16 + length :][32:48] == struct.pack("<4I", 4, 5, 6, 7)
-    assert len(data) == 16 + length + 48
+    assert data[48 + length :][32:48] == struct.pack("<4I", 4, 5, 6, 7)
+    assert len(data) == HEAD + length + 48
     assert len(data) < 4096
 
 
@@ -89,7 +91,7 @@ def test_a_plan_survives_its_file(tmp_path: Path) -> None:
     assert parts(load_plan(tmp_path / "plan")) == parts(other)
 
 
-@pytest.mark.parametrize("kept", [0, 7, 12, 15])
+@pytest.mark.parametrize("kept", [0, 7, 12, 47])
 def test_a_file_without_a_whole_head_is_no_plan(kept: int, tmp_path: Path) -> None:
     (tmp_path / "short").write_bytes(GOLDEN.read_bytes()[:kept])
     with pytest.raises(PlanError, match=r"^short is not a RayFarm plan\.$"):
@@ -104,26 +106,26 @@ def test_another_file_is_no_plan(tmp_path: Path) -> None:
 
 def test_another_version_is_refused(tmp_path: Path) -> None:
     data = GOLDEN.read_bytes()
-    (tmp_path / "new").write_bytes(data[:8] + struct.pack("<I", 2) + data[12:])
-    with pytest.raises(PlanError, match=r"^new is a plan of version 2; this host reads version 1\.$"):
+    (tmp_path / "new").write_bytes(data[:8] + struct.pack("<I", 1) + data[12:])
+    with pytest.raises(PlanError, match=r"^new is a plan of version 1; this host reads version 2\.$"):
         load_plan(tmp_path / "new")
 
 
-@pytest.mark.parametrize("kept", range(16, len(GOLDEN.read_bytes()) if GOLDEN.exists() else 17, 97))
+@pytest.mark.parametrize("kept", range(HEAD, len(GOLDEN.read_bytes()) if GOLDEN.exists() else 49, 97))
 def test_a_torn_file_is_refused(kept: int, tmp_path: Path) -> None:
     (tmp_path / "torn").write_bytes(GOLDEN.read_bytes()[:kept])
     with pytest.raises(PlanError, match="torn"):
         load_plan(tmp_path / "torn")
 
 
-@pytest.mark.parametrize("part", ["nodes", "primitives", "text"])
+@pytest.mark.parametrize("part", ["nodes", "primitives", "header"])
 def test_a_changed_byte_is_refused(part: str, tmp_path: Path) -> None:
     data = bytearray(GOLDEN.read_bytes())
     (length,) = struct.unpack_from("<I", data, 12)
-    at = {"nodes": 16 + length, "primitives": 16 + length + 35, "text": data.index(b"void main")}[part]
+    at = {"nodes": 48 + length, "primitives": 48 + length + 35, "header": data.index(b"void main")}[part]
     data[at] ^= 1
     (tmp_path / "changed").write_bytes(data)
-    with pytest.raises(PlanError, match=r"(nodes|primitives|trace|present).* fails its checksum"):
+    with pytest.raises(PlanError, match="torn: its header" if part == "header" else f"{part} fails its checksum"):
         load_plan(tmp_path / "changed")
 
 

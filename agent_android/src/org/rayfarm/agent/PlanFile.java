@@ -7,13 +7,15 @@ import java.io.RandomAccessFile;
 import java.nio.ByteBuffer;
 import java.nio.ByteOrder;
 import java.nio.channels.FileChannel;
+import java.util.Arrays;
 import org.json.JSONException;
 import org.json.JSONObject;
 
 /** A plan's file: its header read, its buffers mapped one at a time so that none has to fit into the heap. */
 final class PlanFile implements Closeable {
     private static final String MAGIC = "RAYFARM\0";
-    private static final int VERSION = 1;
+    private static final int VERSION = 2;
+    private static final int HEAD = 48;
 
     final Plan plan;
     private final RandomAccessFile file;
@@ -27,12 +29,13 @@ final class PlanFile implements Closeable {
         file = new RandomAccessFile(path, "r");
         try {
             byte[] text = header(path.getName());
-            base = 16L + text.length;
+            base = (long) HEAD + text.length;
             plan = new Plan(new JSONObject(new String(text, "UTF-8")));
-        } catch (JSONException error) {
+        } catch (JSONException | RuntimeException | StackOverflowError error) {
+            // Whole, and yet no header of a plan.
             close();
             throw torn(path.getName());
-        } catch (AgentException error) {
+        } catch (AgentException | IOException error) {
             close();
             throw error;
         }
@@ -45,7 +48,8 @@ final class PlanFile implements Closeable {
         if (buffer.bytes == 0) {
             // Mapping nothing is an error on some systems.
             data = ByteBuffer.allocateDirect(0);
-        } else if (start + buffer.bytes <= file.length()) {
+        } else if (buffer.offset >= 0 && buffer.bytes > 0 && buffer.bytes <= Integer.MAX_VALUE
+                && buffer.offset <= file.length() - base - buffer.bytes) {
             data = file.getChannel().map(FileChannel.MapMode.READ_ONLY, start, buffer.bytes);
         }
         if (data == null || !Digests.of(data).equals(buffer.sha256)) {
@@ -61,7 +65,7 @@ final class PlanFile implements Closeable {
     }
 
     private byte[] header(String name) throws IOException, AgentException {
-        byte[] head = new byte[16];
+        byte[] head = new byte[HEAD];
         if (file.length() < head.length) {
             throw AgentException.failed(name + " is not a RayFarm plan.");
         }
@@ -76,11 +80,14 @@ final class PlanFile implements Closeable {
                     + VERSION + ".");
         }
         long length = numbers.getInt(12) & 0xFFFFFFFFL;
-        if (head.length + length > file.length()) {
+        if (HEAD + length > file.length() || length > Integer.MAX_VALUE - 8) {
             throw torn(name);
         }
         byte[] text = new byte[(int) length];
         file.readFully(text);
+        if (!Arrays.equals(Digests.sha256().digest(text), Arrays.copyOfRange(head, 16, HEAD))) {
+            throw torn(name);
+        }
         return text;
     }
 

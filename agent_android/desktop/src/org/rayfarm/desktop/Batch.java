@@ -39,7 +39,18 @@ public final class Batch {
         if (task.has("certain")) {
             return certain(task.getJSONArray("certain"));
         }
-        return task.has("plan") ? PlanDump.of(new File(task.getString("plan"))) : run(task);
+        return task.has("plan") ? read(new File(task.getString("plan"))) : run(task);
+    }
+
+    /** What the agent reads in a plan's file, its sentence where it refuses, or that it fell over. */
+    private static Object read(File path) throws Exception {
+        try {
+            return PlanDump.of(path);
+        } catch (InvocationTargetException error) {
+            Throwable cause = error.getCause();
+            return (agent("AgentException").isInstance(cause) ? "error " : "fell " + cause.getClass() + " ")
+                    + cause.getMessage();
+        }
     }
 
     private static Object run(JSONObject task) throws Exception {
