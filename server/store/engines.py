@@ -22,6 +22,8 @@ from server.store.errors import DatabaseError
 BUSY_S = 30.0
 """How long a statement waits for SQLite's write lock, and a migration for PostgreSQL's locks."""
 CONNECT_S = 10
+POOL = 16
+"""The most connections to PostgreSQL that a process opens, as it needs them."""
 IDLE_S = 20.0
 """How long PostgreSQL lets a transaction do nothing before it ends the session."""
 FORMS = "write sqlite:///FILE or postgresql://USER:PASSWORD@HOST/NAME"
@@ -68,7 +70,8 @@ def _postgresql_engine(url: URL) -> Engine:
     defaults = {"connect_timeout": CONNECT_S, "application_name": "rayfarm"}
     unsaid = {name: value for name, value in defaults.items() if name not in url.query}
     # A server that was restarted leaves dead connections in the pool: each is tried before it is handed out.
-    engine = create_engine(url, connect_args=unsaid, pool_pre_ping=True)
+    # Connections beyond a pool are opened and closed for each request: a burst waits for one of these instead.
+    engine = create_engine(url, connect_args=unsaid, pool_pre_ping=True, pool_size=POOL, max_overflow=0)
     event.listen(engine, "connect", _prepare_postgresql)
     return engine
 
