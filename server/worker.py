@@ -64,6 +64,8 @@ class Worker:
         self.queues = [*([POOL] if pool else []), host_queue(host)]
         self.name = lives.worker_id(secrets.token_hex(4))
         self._ended = threading.Event()
+        self._in_hand = set[str]()
+        self._strays: set[str] | None = None
         self._beaten_at = 0.0
         self._beating = threading.Thread(target=self._beat, name="signs-of-life", daemon=True)
 
@@ -82,7 +84,11 @@ class Worker:
         async def run(slice_id: int) -> str:
             workflow = DBOS.workflow_id
             assert workflow is not None
-            return await measure(slice_id, workflow)
+            self._in_hand.add(workflow)
+            try:
+                return await measure(slice_id, workflow)
+            finally:
+                self._in_hand.discard(workflow)
 
         DBOS.listen_queues(self.queues)
         DBOS.launch()
@@ -185,11 +191,27 @@ class Worker:
                     return
                 self._beaten_at = begun
                 look_after(self.database, self.durable, watch)
-                trouble.over()
+                if trouble.over():
+                    self._strays = set()
+                self._take_up_strays()
             except AWAY as error:
                 trouble.seen(error)
             except Exception:
                 log.exception("a sign of life failed")
+
+    def _take_up_strays(self) -> None:
+        """After the database was away: put back what the queue counts as taken here, and nobody here has in hand.
+
+        Its answer to our taking it was lost. What is begun just now is spared by looking twice, and fenced in any case.
+        """
+        if self._strays is None:
+            return
+        taken = dict(self.durable.held_by(self.name))
+        strays = taken.keys() - self._in_hand
+        for workflow in strays & self._strays:
+            log.warning("a slice that was taken and not begun is put back", extra=facts(workflow=workflow))
+            self.durable.resume(workflow, taken[workflow] or POOL)
+        self._strays = strays or None
 
 
 def _title(held: Claim) -> str:

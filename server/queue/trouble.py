@@ -27,11 +27,12 @@ class Trouble:
             self._log.warning("the database does not answer, which is waited for: %s", shortly(error))
         self._lasts = True
 
-    def over(self) -> None:
-        """The database answered."""
-        if self._lasts:
+    def over(self) -> bool:
+        """The database answered; whether it had not before."""
+        lasted, self._lasts = self._lasts, False
+        if lasted:
             self._log.info("the database answers again")
-        self._lasts = False
+        return lasted
 
 
 def patiently(ask: Callable[[], Returned], ended: threading.Event, log: logging.Logger) -> Returned:

@@ -142,6 +142,24 @@ def test_unplugged_its_job_waits_and_is_recorded_once(
     assert_recorded_once(farm, job)
 
 
+def test_an_adb_server_killed_amid_a_job_costs_an_attempt(farm: Farm, phone: StandInPhone, adb: AdbServer) -> None:
+    asked = farm.job(phone)
+    phone.persona.set_environment(RAYFARM_SHIM_HANG="finish:3")
+    wait_until(lambda: agents(phone), 60.0)
+    adb.kill()
+    phone.persona.set_environment()
+    try:
+        job = farm.ended(asked)
+        assert was_retried(job)
+        assert_recorded_once(farm, job)
+    finally:
+        # The farm had another server started, which is no child of ours.
+        adb.client().server_kill()
+        wait_until(lambda: not adb._answers())
+        adb.start()
+        farm.when_ready(*farm.phones)
+
+
 def test_a_cancelled_job_frees_its_phone_once_its_child_is_gone(farm: Farm, phone: StandInPhone) -> None:
     long = farm.job(phone, size=256, frames=1000)
     after = farm.job(phone)
