@@ -32,8 +32,8 @@ SAMPLE_S = 10.0
 TRAVERSALS = ("bvh-stack", "kd-backtrack", "bvh-parent-link", "kd-push-down", "bvh-restart-trail")
 GROWTH, GROWTH_MB = 1.1, 8.0
 """How much a process's median memory in the last quarter may exceed that in the second, which is warm."""
-POOLED = 4
-"""Open files that come and go with idle connections."""
+SLACK = 3
+"""Open files and threads at the end beyond the most of the first half: one connection to SQLite has three files."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,10 @@ def test_an_hour_of_jobs_leaves_nothing_behind(farm: Farm, request: pytest.Fixtu
     wait_until(lambda: standing(farm).keys() == before.keys(), SOON_S)
     after = standing(farm)
     for name, sample in after.items():
-        assert sample.files <= before[name].files + POOLED, (name, before[name], sample)
-        assert sample.threads <= before[name].threads + POOLED, (name, before[name], sample)
+        # Pools of connections and of threads fill up to their sizes: what is warm has them full.
+        warm_samples = [before[name], *samples[name][: len(samples[name]) // 2]]
+        assert sample.files <= max(one.files for one in warm_samples) + SLACK, (name, before[name], sample)
+        assert sample.threads <= max(one.threads for one in warm_samples) + SLACK, (name, before[name], sample)
     for name, seen in samples.items():
         warm, last = memory(seen, 1), memory(seen, 3)
         assert last <= warm * GROWTH + GROWTH_MB, f"{name} grew from {warm:.0f} to {last:.0f} MB"
