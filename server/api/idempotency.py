@@ -79,24 +79,22 @@ def earlier_answer(database: Database, submission: Submission) -> JSONResponse |
     if submission.key is None:
         return None
     with database.reading() as session:
-        stored = session.get(Submitted, submission.kept_as)
-    if stored is None:
-        return None
-    if stored.created_at < now() - KEPT:
-        with database.writing() as session:
-            forget_submissions(session)
-        return None
-    if stored.digest != submission.digest:
-        raise Problem(
-            422, f"The {HEADER} {submission.key!r} was used with another request: send this one with a key of its own."
-        )
-    return Answer(stored.body, stored.location, stored.status).response(**{REPLAYED: "true"})
+        return _given_again(session.get(Submitted, submission.kept_as), submission)
 
 
 def answer_once(database: Database, submission: Submission, create: Callable[[Session], Answer]) -> JSONResponse:
-    """Create and answer, both kept in one transaction; of several at once with the same key one creates."""
+    """Create and answer, both kept in one transaction, or give the answer that the key got in the last 24 hours.
+
+    Of several at once with the same key one creates. Raise Problem 422 for another request's key.
+    """
     try:
         with database.writing() as session:
+            stored = session.get(Submitted, submission.kept_as) if submission.key is not None else None
+            earlier = _given_again(stored, submission)
+            if earlier is not None:
+                return earlier
+            if stored is not None:
+                forget_submissions(session)
             answer = create(session)
             if submission.key is not None:
                 _keep(session, submission, answer)
@@ -108,6 +106,17 @@ def answer_once(database: Database, submission: Submission, create: Callable[[Se
     kind, number = answer.location.rsplit("/", 2)[1:]
     log.info("%s accepted", kind, extra=facts(**{NAMES[kind]: int(number)}, token=submission.owner or None))
     return answer.response()
+
+
+def _given_again(stored: Submitted | None, submission: Submission) -> JSONResponse | None:
+    """A stored answer as a response; None where it is too old."""
+    if stored is None or stored.created_at < now() - KEPT:
+        return None
+    if stored.digest != submission.digest:
+        raise Problem(
+            422, f"The {HEADER} {submission.key!r} was used with another request: send this one with a key of its own."
+        )
+    return Answer(stored.body, stored.location, stored.status).response(**{REPLAYED: "true"})
 
 
 def forget_submissions(session: Session) -> None:

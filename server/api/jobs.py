@@ -9,7 +9,7 @@ from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy.orm import Session
 
 from server.api.bodies import JobBody
-from server.api.idempotency import Answer, SubmissionOf, answer_once, earlier_answer
+from server.api.idempotency import Answer, SubmissionOf, answer_once
 from server.api.state import database_of, durable_of
 from server.api.views import MAX_ID, find_job, job_line, job_lines, job_view
 from server.logs import facts
@@ -30,13 +30,10 @@ router = APIRouter(prefix="/api/v1")
 def create_job(body: JobBody, request: Request, submission: SubmissionOf) -> Response:
     """Queue one variant on one scene."""
     database = database_of(request)
-    earlier = earlier_answer(database, submission)
-    if earlier is not None:
-        return earlier
     asked = body.to_request()
-    require_scene(asked.scene)
 
     def create(session: Session) -> Answer:
+        require_scene(asked.scene)
         [job] = submit(session, durable_of(request), [Order(asked, body.device)], body.priority)
         return Answer(job_view(job), f"/api/v1/jobs/{job.id}")
 
