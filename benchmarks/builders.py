@@ -32,8 +32,7 @@ COSTS = {"paper": SahCosts(3.0, 1.5), "plain": SahCosts(1.0, 1.0)}
 SCENES = ("crytek-sponza", "conference", "happy-buddha")
 THREADS = (1, 2)
 BUILDS: dict[str, tuple[Kind, Builder]] = {
-    **{f"bvh {builder}": ("bvh", builder) for builder in BUILDERS},
-    "kd sah": ("kd", "sah"),
+    f"{kind} {builder}": (kind, builder) for kind, builders in BUILDERS.items() for builder in builders
 }
 Seconds = tuple[float, float]
 Round = dict[tuple[str, int], Seconds]

@@ -15,15 +15,19 @@ from renderer.build.cache import Kind, cached
 from renderer.build.epo import epo
 from renderer.build.errors import BuildError as BuildError
 from renderer.build.kd import build_kd
+from renderer.build.kd_clip import shapes_of
 from renderer.build.pad import padded
 from renderer.build.refined import REFINEMENTS, build_refined
 from renderer.build.tree import Bvh, Floats, SahCosts, Tree
 from renderer.jit import jit
 
-Builder = Literal["sah", "binned", "median", "reinserted", "sbvh", "sbvh-reinserted"]
-"""How a BVH is built; a KD-tree is built by `sah` alone."""
+Builder = Literal["sah", "binned", "median", "reinserted", "sbvh", "sbvh-reinserted", "clipped"]
+"""How a tree is built: a KD-tree by `sah` or `clipped`, a BVH by all but `clipped`."""
 
-BUILDERS: tuple[Builder, ...] = get_args(Builder)
+BUILDERS: dict[Kind, tuple[Builder, ...]] = {
+    "bvh": tuple(builder for builder in get_args(Builder) if builder != "clipped"),
+    "kd": ("sah", "clipped"),
+}
 
 
 def build(
@@ -32,7 +36,7 @@ def build(
     """The structure over `triangles` (m, 3, 3) float32, and the CPU milliseconds of its build without compilation.
 
     `scene_key` names the triangles by content (Scene.key). A KD-tree is built over padded boxes. Raises BuildError for
-    no triangles, coordinates or costs that are not finite, negative costs, and a KD-tree by another builder than sah.
+    no triangles, coordinates or costs that are not finite, negative costs, and a builder that does not make that kind.
     """
     costs = costs or SahCosts()
     _check(triangles, kind, builder, costs)
@@ -53,10 +57,14 @@ def build_uncached(triangles: Floats, kind: Kind, builder: Builder, costs: SahCo
     """The structure alone, built anew."""
     boxes = bounds(triangles)
     if kind == "kd":
-        return build_kd(padded(boxes), costs)
+        room = padded(boxes)
+        return build_kd(room, costs, shapes=shapes_of(triangles, room) if builder == "clipped" else None)
     if builder == "sah" or builder == "binned" or builder == "median":
         return build_bvh(boxes, costs, builder)
     return build_refined(boxes, costs, REFINEMENTS[builder])
+
+
+_NAMES: dict[Kind, str] = {"bvh": "BVH", "kd": "KD-tree"}
 
 
 @lru_cache
@@ -78,8 +86,9 @@ def bounds(triangles: Floats) -> Floats:
 
 
 def _check(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts) -> None:
-    if kind == "kd" and builder != "sah":
-        raise BuildError(f"A KD-tree is only built with SAH; take the builder sah instead of {builder}.")
+    if builder not in BUILDERS[kind]:
+        made = ", ".join(BUILDERS[kind])
+        raise BuildError(f"{builder} does not build a {_NAMES[kind]}; take one of {made}.")
     if len(triangles) == 0:
         raise BuildError("There are no triangles to build over; give a scene that has some.")
     if not np.isfinite(triangles).all():
