@@ -21,10 +21,11 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from renderer.build.api import BUILDERS, Builder, build_uncached, compile_builder
+from renderer.build.api import BUILDERS
 from renderer.build.cache import Kind
 from renderer.build.epo import epo
-from renderer.build.tree import Bvh, SahCosts, Tree
+from renderer.build.make import build_uncached, compile_builder
+from renderer.build.tree import Builder, Bvh, SahCosts, Tree
 from scenes.load import load
 from scenes.scene import Scene
 

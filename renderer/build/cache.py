@@ -9,7 +9,7 @@ from typing import Any, BinaryIO, Literal
 import numpy as np
 
 from renderer.build.tree import Bvh, Kd, SahCosts, Tree
-from renderer.kept import cache_folder, kept, key_of
+from scenes.kept import cache_folder, kept, key_of
 
 Kind = Literal["bvh", "kd"]
 

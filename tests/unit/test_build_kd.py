@@ -5,9 +5,9 @@ import numpy.typing as npt
 import pytest
 from build_soups import SOUPS, Floats, lattice, soup
 
-from renderer.build.api import bounds
 from renderer.build.kd import build_kd
 from renderer.build.kd_clip import shapes_of
+from renderer.build.make import bounds
 from renderer.build.pad import pad_of, padded
 from renderer.build.tree import KD_LEAF, MAX_DEPTH, Kd, SahCosts
 
