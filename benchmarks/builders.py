@@ -21,10 +21,11 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from renderer.build.api import BUILDERS, Builder, build_uncached, compile_builder
+from renderer.build.api import BUILDERS
 from renderer.build.cache import Kind
 from renderer.build.epo import epo
-from renderer.build.tree import Bvh, SahCosts, Tree
+from renderer.build.make import build_uncached, compile_builder
+from renderer.build.tree import Builder, Bvh, SahCosts, Tree
 from scenes.load import load
 from scenes.scene import Scene
 
@@ -32,8 +33,7 @@ COSTS = {"paper": SahCosts(3.0, 1.5), "plain": SahCosts(1.0, 1.0)}
 SCENES = ("crytek-sponza", "conference", "happy-buddha")
 THREADS = (1, 2)
 BUILDS: dict[str, tuple[Kind, Builder]] = {
-    **{f"bvh {builder}": ("bvh", builder) for builder in BUILDERS},
-    "kd sah": ("kd", "sah"),
+    f"{kind} {builder}": (kind, builder) for kind, builders in BUILDERS.items() for builder in builders
 }
 Seconds = tuple[float, float]
 Round = dict[tuple[str, int], Seconds]

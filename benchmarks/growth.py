@@ -20,9 +20,9 @@ from statistics import median
 
 import numpy as np
 
-from renderer.build.api import Builder, build_uncached, compile_builder
 from renderer.build.cache import Kind
-from renderer.build.tree import Floats, SahCosts
+from renderer.build.make import build_uncached, compile_builder
+from renderer.build.tree import Builder, Floats, SahCosts
 from renderer.child import silent
 from renderer.kept_twins import KeptTwins
 from renderer.pilot import Pilot

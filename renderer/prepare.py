@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import cast
 
-from renderer.build.api import Builder, build
-from renderer.build.tree import Bvh, SahCosts, Tree
+from renderer.build.api import build
+from renderer.build.tree import Builder, Bvh, SahCosts, Tree
 from renderer.pack.api import Packed, pack
 from renderer.plan import Plan
 from renderer.planner import Reads, make_plan

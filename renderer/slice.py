@@ -14,29 +14,28 @@ from datetime import UTC, datetime
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.accuracy import Errors, answers_sha, judge
 from renderer.child import Say, answer_task, silent
 from renderer.counts import METRICS, Counts, count_pixels
 from renderer.host import Host
-from renderer.image_error import image_error
 from renderer.instrumented import records_of, refuse_cut
 from renderer.locks import holding, machine_lock
-from renderer.models import run_models
-from renderer.oracle import Oracle
 from renderer.phases import Phases, process_age_s
-from renderer.pictures import write_pictures
 from renderer.plan import VERSION, Plan
 from renderer.planner import in_passes
 from renderer.prepare import Prepared, prepare
 from renderer.records import COUNTERS, Records
 from renderer.request import Request
-from renderer.truth_image import truth_image
 from renderer.twin_host import TwinHost
+
+# Judging takes the referee's compiler and Embree, drawing takes an image library; most rounds do neither.
+if TYPE_CHECKING:
+    from renderer.accuracy import Errors
+    from renderer.oracle import Oracle
 
 Measurement = dict[str, Any]
 
@@ -98,6 +97,8 @@ def measure(
                     _add_models(measurement, ready, records, host)
             if pictures is not None:
                 with phases.timed("pictures"):
+                    from renderer.pictures import write_pictures
+
                     counts = _counts(ready.prepared, records)
                     measurement["pictures"] = write_pictures(pictures, timed.image, counts)
     return measurement | {"phases_ms": phases.total(starting_s)}
@@ -120,6 +121,8 @@ def _make_ready(request: Request, round_index: int, host: Host, phases: Phases) 
     oracle = None
     if paced or (first and request.check != "none"):
         with phases.timed("judging"):
+            from renderer.oracle import Oracle
+
             oracle = Oracle(prepared.scene.vertices, prepared.scene.faces)
     with phases.timed("preparing"):
         instrumented = prepared.plan(instrument=True) if first or paced else None
@@ -140,6 +143,8 @@ def _against(ready: _Ready, records: Records | None) -> Callable[[], float] | No
 
 
 def _judged(ready: _Ready, records: Records, image: npt.NDArray[np.uint8]) -> Errors:
+    from renderer.accuracy import judge
+
     prepared, request = ready.prepared, ready.prepared.request
     tree = prepared.referee_tree() if request.check in ("referee", "image") else None
     scene = prepared.scene
@@ -148,11 +153,16 @@ def _judged(ready: _Ready, records: Records, image: npt.NDArray[np.uint8]) -> Er
     if request.check != "image":
         return errors
     assert tree is not None
+    from renderer.image_error import image_error
+    from renderer.truth_image import truth_image
+
     away = image_error(image, truth_image(scene, tree, request.size, request.camera, request.rays))
     return replace(errors, flip=away.flip, psnr=away.psnr)
 
 
 def _add_models(measurement: Measurement, ready: _Ready, records: Records, host: Host) -> None:
+    from renderer.models import run_models
+
     lines, measurement["model"] = run_models(ready.prepared, ready.timed, records, host)
     if measurement["per_ray"] is not None:
         measurement["per_ray"]["lines"] = lines
@@ -191,6 +201,8 @@ def _frames_of(request: Request, round_index: int) -> int:
 
 
 def _facts(prepared: Prepared, plan: Plan, records: Records) -> Measurement:
+    from renderer.accuracy import answers_sha
+
     tree = prepared.tree
     return {
         "triangles": len(prepared.scene.faces),

@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from renderer import referee
 from renderer.build.tree import Bvh
-from renderer.kept import cache_folder, kept, key_of
 from renderer.records import Flags, Floats, Ints, Rays
 from renderer.view import view_of
+from scenes.kept import cache_folder, kept, key_of
 from scenes.scene import Camera, Scene
 
 Doubles = npt.NDArray[np.float64]

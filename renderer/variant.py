@@ -63,8 +63,11 @@ AXES: dict[str, tuple[str, ...]] = {
     "nodes": ("f32", "grid16", "quant8", "half"),
     "precision": ("highp", "mediump"),
     "offset": ("constant", "bounded"),
-    "builder": ("sah", "binned", "median", "reinserted", "sbvh", "sbvh-reinserted"),
+    "builder": ("sah", "binned", "median", "reinserted", "sbvh", "sbvh-reinserted", "clipped"),
 }
+
+KD_BUILDERS = ("sah", "clipped")
+"""The builders that make KD-trees; all but the last make BVHs."""
 
 CONSERVATIVE_NODES = ("f32", "grid16", "quant8")
 """The node formats whose boxes hold what they should, so that no hit is lost."""
@@ -137,8 +140,10 @@ def refusal(variant: Variant, rays: str = "both") -> str | None:
         return "hybrid rasterises what the eye sees and casts no primary rays: time shadow or both."
     if variant.method == "hybrid" and variant.offset == "bounded":
         return "hybrid knows a depth and not the triangle that bounds its error: leave the offset at constant."
-    if structure == "kd" and variant.builder != "sah":
-        return f"{variant.builder} is a BVH builder: a KD-tree is built with sah."
+    if structure == "kd" and variant.builder not in KD_BUILDERS:
+        return f"{variant.builder} is a BVH builder: a KD-tree is built with sah or clipped."
+    if structure == "bvh" and variant.builder == "clipped":
+        return "clipped is a KD builder: take sbvh for a BVH with spatial splits."
     if structure == "none" and variant.builder != "sah":
         return "brute-force has no structure to build: leave the builder at sah."
     if structure == "none" and variant.box != "widened":

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from scenes import catalogue, cornell, places
-from scenes.entry import Entry, Normals
+from scenes.entry import Entry, SourceFile
+from scenes.kept_mesh import kept_mesh
 from scenes.mesh import Mesh, read_mesh
 from scenes.normals import smooth_normals
-from scenes.scene import Camera, Floats, Scene, SceneError
+from scenes.scene import Camera, Scene, SceneError
 from scenes.view import automatic_camera, automatic_light
 
 
@@ -24,7 +26,7 @@ def load(name_or_path: str, *, camera: Camera | None = None) -> Scene:
     if name_or_path.partition(":")[0] in catalogue.ENTRIES:
         return load_entry(catalogue.find(name_or_path), camera=camera)
     path = _find_path(name_or_path)
-    mesh = read_mesh(path)
+    mesh = kept_mesh(path, None, "as it is", partial(read_mesh, path))
     return Scene(
         name=path.name,
         vertices=mesh.vertices,
@@ -40,15 +42,13 @@ def load(name_or_path: str, *, camera: Camera | None = None) -> Scene:
 def load_entry(entry: Entry, *, camera: Camera | None = None) -> Scene:
     """The scene of a catalogue entry; see `load`."""
     expected = entry.triangles - catalogue.BOX_TRIANGLES * entry.boxed
-    mesh = _from_file(entry, expected) if entry.made is None else entry.made(expected)
-    if entry.boxed:
-        mesh = cornell.in_empty_box(mesh)
+    mesh = _from_file(entry, expected) if entry.made is None else _finished(entry, entry.made(expected))
     lights = entry.lights or (automatic_light(mesh.vertices, mesh.faces),)
     return Scene(
         name=entry.name,
         vertices=mesh.vertices,
         faces=mesh.faces,
-        normals=_normals(mesh, entry.normals),
+        normals=mesh.normals,
         camera=camera or entry.camera or automatic_camera(mesh.vertices, mesh.faces),
         lights=lights,
         source=entry.source,
@@ -78,6 +78,10 @@ def _from_file(entry: Entry, expected: int) -> Mesh:
     if found is None:
         raise SceneError(_not_here(entry))
     path, file = found
+    return kept_mesh(path, file.sha256, entry, lambda: _finished(entry, _read(entry, expected, path, file)))
+
+
+def _read(entry: Entry, expected: int, path: Path, file: SourceFile) -> Mesh:
     mesh = read_mesh(path, entry.drop)
     # A checksum says more than a count.
     if file.sha256 is None and len(mesh.faces) != expected:
@@ -98,7 +102,10 @@ def _not_here(entry: Entry) -> str:
     )
 
 
-def _normals(mesh: Mesh, policy: Normals) -> Floats | None:
-    if policy == "smooth":
-        return smooth_normals(mesh.vertices, mesh.faces)
-    return mesh.normals if policy == "file" else None
+def _finished(entry: Entry, mesh: Mesh) -> Mesh:
+    """The mesh in its box, where it has one, with the normals that the entry wants."""
+    if entry.boxed:
+        mesh = cornell.in_empty_box(mesh)
+    if entry.normals == "smooth":
+        return replace(mesh, normals=smooth_normals(mesh.vertices, mesh.faces))
+    return mesh if entry.normals == "file" else replace(mesh, normals=None)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 
 from scenes import counts, obj
 from scenes.limits import bounded_memory, require_small_archive
@@ -117,6 +116,9 @@ def _read_other(path: Path, kind: str) -> Any:
 
 
 def _trimesh(source: Path | io.BytesIO, kind: str, name: str) -> Any:
+    # Meshes mostly come from `scenes.kept_mesh`, which does without it.
+    import trimesh
+
     if kind in ARCHIVES:
         raise SceneError(f"{name} is an archive: unpack it and give the mesh file inside.")
     if kind not in trimesh.available_formats():

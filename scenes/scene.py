@@ -13,6 +13,9 @@ Floats = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int32]
 Point = tuple[float, float, float]
 
+ROW = 3 << 10
+"""Coordinates of whole points."""
+
 
 class SceneError(ValueError):
     """A scene that cannot be used; the message is one sentence that says what to do."""
@@ -54,8 +57,8 @@ class Scene:
     @cached_property
     def bounds(self) -> Floats:
         """The lower and upper corner of the box around all used vertices, (2, 3) float32."""
-        used = self.triangles.reshape(-1, 3)
-        return np.stack([used.min(axis=0), used.max(axis=0)])
+        corners = self.triangles.reshape(-1)
+        return np.stack([_each_axis(np.minimum, corners), _each_axis(np.maximum, corners)])
 
     @property
     def diagonal(self) -> float:
@@ -72,3 +75,13 @@ class Scene:
                 digest.update(str(part.shape).encode())
                 digest.update(np.ascontiguousarray(part).tobytes())
         return digest.hexdigest()
+
+
+def _each_axis(choose: np.ufunc, corners: Floats) -> Floats:
+    """`choose` over points one after another, (3,): by long rows, as numpy is many times slower with short ones."""
+    whole = len(corners) - len(corners) % ROW
+    rest = corners[whole:].reshape(-1, 3)
+    if whole:
+        rest = np.concatenate([choose.reduce(corners[:whole].reshape(-1, ROW), axis=0).reshape(-1, 3), rest])
+    chosen: Floats = choose.reduce(rest, axis=0)
+    return chosen

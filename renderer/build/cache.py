@@ -9,11 +9,11 @@ from typing import Any, BinaryIO, Literal
 import numpy as np
 
 from renderer.build.tree import Bvh, Kd, SahCosts, Tree
-from renderer.kept import cache_folder, kept, key_of
+from scenes.kept import cache_folder, kept, key_of
 
 Kind = Literal["bvh", "kd"]
 
-BUILDER_VERSIONS: dict[Kind, int] = {"bvh": 2, "kd": 3}
+BUILDER_VERSIONS: dict[Kind, int] = {"bvh": 2, "kd": 4}
 """Part of every key: raise one with any change to what its builder returns."""
 
 

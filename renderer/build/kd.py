@@ -1,44 +1,62 @@
-"""The KD-tree: SAH in O(n log n) from one sort (Wald and Havran 2006), no clipping, empty leaves allowed."""
+"""The KD-tree: SAH in O(n log n) from one sort, clipped or not, empty leaves allowed (Wald and Havran 2006)."""
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from renderer.build.grow import resized, resized_rows
+from renderer.build.grow import resized, resized_columns
+from renderer.build.kd_anew import clip_straddlers, nothing_anew
+from renderer.build.kd_clip import Shapes, unclipped
 from renderer.build.kd_events import TRIANGLES, Lists, Spans, classify, root_lists, split_lists, with_room
+from renderer.build.kd_nodes import Nodes, Part, Waiting, joined, nodes_resized, one_node, with_children
 from renderer.build.kd_plane import best_plane
+from renderer.build.pad import around
+from renderer.build.parallel import each
 from renderer.build.refit import depth_of, sah_cost
-from renderer.build.tree import KD_LEAF, MAX_DEPTH, Bytes, Floats, Ints, Kd, SahCosts
+from renderer.build.tree import KD_LEAF, MAX_DEPTH, Floats, Ints, Kd, SahCosts
 from renderer.jit import jit
 
+Words = npt.NDArray[np.uint32]
 
-class Nodes(NamedTuple):
-    """A `Kd`'s node arrays while they grow; `size` is its `count`."""
-
-    lower: Floats
-    upper: Floats
-    split: Floats
-    axis: Bytes
-    child: Ints
-    size: Ints
-    parent: Ints
+TASK = 1 << 14
+"""Cells of at most so many triangles are a task of their own."""
 
 
-def build_kd(boxes: Floats, costs: SahCosts, max_depth: int = MAX_DEPTH) -> Kd:
+class Rules(NamedTuple):
+    """What a build goes by, as compiled code takes it; cells of at most `stop` triangles wait."""
+
+    max_depth: int
+    traversal: float
+    intersection: float
+    stop: int
+
+
+def build_kd(boxes: Floats, costs: SahCosts, max_depth: int = MAX_DEPTH, shapes: Shapes | None = None) -> Kd:
     """The KD-tree over m >= 1 triangle bounds, (m, 2, 3) float32, finite; the root's cell is their union.
 
     Cells are cut at the cheapest of all their triangles' faces that lie strictly inside, a plane that cuts off
     empty space at 0.8 of its cost, until a leaf costs no more or the depth is `max_depth`. A triangle belongs to the
     left if its box ends at or before the plane, to the right if it begins at or after it, else to both; one that
-    lies in the plane goes where that is cheaper. A cell without area is a leaf. Equal input gives equal bytes.
-    Raises ValueError for no triangles.
+    lies in the plane goes where that is cheaper. With `shapes`, what of a triangle's shape lies in a cell takes the
+    place of its box there. A cell without area is a leaf. Equal input gives equal bytes. Raises ValueError for no
+    triangles.
     """
     if len(boxes) == 0:
         raise ValueError("A tree needs at least one triangle; give a scene that has some.")
-    lists, spans = root_lists(boxes, min(max_depth, MAX_DEPTH) + 2)
-    nodes, refs = _split_all(lists, spans, _root_node(boxes), costs.traversal, costs.intersection)
+    shapes = shapes or unclipped(boxes)
+    deepest = min(max_depth, MAX_DEPTH)
+    lists, spans = root_lists(boxes, deepest + 2)
+    root = one_node(*around(boxes), len(boxes))
+    rules = Rules(deepest, costs.traversal, costs.intersection, TASK)
+    first = _split_all(lists, spans, root, np.arange(len(boxes), dtype=np.int32), shapes, 0, rules)
+    tasks = [
+        partial(_waiting_part, first, cell, shapes, rules._replace(stop=0)) for cell in range(len(first.waiting.cells))
+    ]
+    nodes, refs = joined(first, each(tasks))
     cost = sah_cost(nodes.lower, nodes.upper, nodes.axis == KD_LEAF, nodes.size, costs.traversal, costs.intersection)
     return Kd(
         lower=nodes.lower,
@@ -54,38 +72,47 @@ def build_kd(boxes: Floats, costs: SahCosts, max_depth: int = MAX_DEPTH) -> Kd:
     )
 
 
-def _root_node(boxes: Floats) -> Nodes:
-    """Room for as many nodes as there are triangles, with the root's cell."""
-    room = len(boxes)
-    nodes = Nodes(
-        lower=np.empty((room, 3), np.float32),
-        upper=np.empty((room, 3), np.float32),
-        split=np.empty(room, np.float32),
-        axis=np.empty(room, np.uint8),
-        child=np.empty(room, np.int32),
-        size=np.empty(room, np.int32),
-        parent=np.empty(room, np.int32),
-    )
-    nodes.lower[0], nodes.upper[0], nodes.parent[0] = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0), -1
-    return nodes
+def _waiting_part(first: Part, cell: int, shapes: Shapes, rules: Rules) -> Part:
+    node, depth = (int(value) for value in first.waiting.cells[cell])
+    span, kept = first.waiting.spans[cell], first.waiting.lists
+    ids = kept.triangle[span[TRIANGLES, 0] : span[TRIANGLES, 1]].copy()
+    sizes = span[:, 1] - span[:, 0]
+    spans = np.zeros((rules.max_depth - depth + 2, 4, 2), np.int64)
+    spans[0, :, 1] = sizes
+    room = 2 * int(sizes.max())
+    pos, code = np.empty((3, room), np.float32), np.empty((3, room), np.uint32)
+    for row in range(3):
+        begin, end = span[row]
+        pos[row, : end - begin], code[row, : end - begin] = kept.pos[row, begin:end], kept.code[row, begin:end]
+    lists = Lists(pos, code, np.arange(len(ids), dtype=np.int32))
+    root = one_node(first.nodes.lower[node], first.nodes.upper[node], 2 * len(ids) + 2)
+    return _split_all(lists, spans, root, ids, shapes, depth, rules)
 
 
 @jit
-def _split_all(lists: Lists, spans: Spans, nodes: Nodes, traversal: float, intersection: float) -> tuple[Nodes, Ints]:
+def _split_all(lists: Lists, spans: Spans, nodes: Nodes, ids: Ints, shapes: Shapes, level: int, rules: Rules) -> Part:
     """Splits cells depth first, left before right; the lists of the cells that wait lie on one another.
 
-    At most one cell a level waits beside the two newest, so `spans` has two entries more than the depth allowed.
+    `ids` names the lists' triangles in the scene. At most one cell a level waits beside the two newest, so `spans` has
+    two entries more than the levels below `level` that are allowed.
     """
     size = spans[0, TRIANGLES, 1]
-    refs, side = np.empty(2 * size, np.int32), np.zeros(size, np.uint8)
+    refs, side, rank = np.empty(2 * size, np.int32), np.zeros(size, np.uint8), np.empty(size, np.uint32)
     waiting, depths = np.zeros(len(spans), np.int64), np.zeros(len(spans), np.int64)
-    top, made, filled = 1, 1, 0
+    cut_off, anew = _none_wait(), nothing_anew()
+    depths[0] = level
+    top, made, filled, cells = 1, 1, 0, 0
     while top > 0:
         top -= 1
         node, depth, span = waiting[top], depths[top], spans[top]
         begin, end = span[TRIANGLES, 0], span[TRIANGLES, 1]
         axis, plane, planar_left = KD_LEAF, np.float32(0), True
-        if depth < len(spans) - 2 and end > begin:
+        if end - begin <= rules.stop and end > begin:
+            cut_off = _wait(cut_off, cells, lists, span, node, depth, ids, rank)
+            cells += 1
+            nodes.axis[node], nodes.split[node], nodes.child[node], nodes.size[node] = axis, plane, filled, 0
+            continue
+        if depth < rules.max_depth and end > begin:
             axis, plane, planar_left = best_plane(
                 lists.pos,
                 lists.code,
@@ -93,8 +120,8 @@ def _split_all(lists: Lists, spans: Spans, nodes: Nodes, traversal: float, inter
                 end - begin,
                 nodes.lower[node],
                 nodes.upper[node],
-                traversal,
-                intersection,
+                rules.traversal,
+                rules.intersection,
             )
         nodes.axis[node], nodes.split[node] = axis, plane
         if axis == KD_LEAF:
@@ -102,42 +129,77 @@ def _split_all(lists: Lists, spans: Spans, nodes: Nodes, traversal: float, inter
             if filled + end - begin > len(refs):
                 refs = resized(refs, 2 * (filled + end - begin))
             for i in range(begin, end):
-                refs[filled] = lists.triangle[i]
+                refs[filled] = ids[lists.triangle[i]]
                 filled += 1
             continue
-        nodes = _with_children(nodes, node, made, axis, plane)
+        nodes = with_children(nodes, node, made, axis, plane)
         lists = with_room(lists, span)
         classify(lists, span, axis, plane, planar_left, side)
-        split_lists(lists, spans, top, axis, plane, side)
+        if len(shapes.triangles) > 0:
+            anew = clip_straddlers(
+                lists.triangle[begin:end], side, ids, shapes, nodes.lower[node], nodes.upper[node], axis, plane, anew
+            )
+        split_lists(lists, spans, top, axis, plane, side, anew)
         waiting[top], waiting[top + 1] = made + 1, made
         depths[top], depths[top + 1] = depth + 1, depth + 1
         top += 2
         made += 2
-    return _resized(nodes, made), resized(refs, filled)
+    kept = Waiting(cut_off.cells[:cells].copy(), cut_off.spans[:cells].copy(), cut_off.lists)
+    return Part(nodes_resized(nodes, made), resized(refs, filled), kept)
 
 
 @jit
-def _with_children(nodes: Nodes, node: int, made: int, axis: int, plane: np.float32) -> Nodes:
-    """Two children from slot `made` on, with the cells that the plane leaves them."""
-    if made + 2 > len(nodes.axis):
-        nodes = _resized(nodes, 2 * (made + 2))
-    nodes.child[node], nodes.size[node] = made, 0
-    for child in range(made, made + 2):
-        for side in range(3):
-            nodes.lower[child, side], nodes.upper[child, side] = nodes.lower[node, side], nodes.upper[node, side]
-        nodes.parent[child] = node
-    nodes.upper[made, axis], nodes.lower[made + 1, axis] = plane, plane
-    return nodes
+def _none_wait() -> Waiting:
+    lists = Lists(np.empty((3, 0), np.float32), np.empty((3, 0), np.uint32), np.empty(0, np.int32))
+    return Waiting(np.zeros((0, 2), np.int64), np.zeros((0, 4, 2), np.int64), lists)
 
 
 @jit
-def _resized(nodes: Nodes, room: int) -> Nodes:
-    return Nodes(
-        resized_rows(nodes.lower, room),
-        resized_rows(nodes.upper, room),
-        resized(nodes.split, room),
-        resized(nodes.axis, room),
-        resized(nodes.child, room),
-        resized(nodes.size, room),
-        resized(nodes.parent, room),
-    )
+def _with_cell(waiting: Waiting, cells: int, span: Spans) -> Waiting:
+    """Room for one more cell with the lists at `span`."""
+    places, spans, kept = waiting.cells, waiting.spans, waiting.lists
+    if cells == len(places):
+        more = max(64, 2 * cells)
+        wider, longer = np.zeros((more, 2), np.int64), np.zeros((more, 4, 2), np.int64)
+        for cell in range(cells):
+            wider[cell, 0], wider[cell, 1] = places[cell, 0], places[cell, 1]
+            for row in range(4):
+                longer[cell, row, 0], longer[cell, row, 1] = spans[cell, row, 0], spans[cell, row, 1]
+        places, spans = wider, longer
+    most = 0
+    for row in range(3):
+        most = max(most, span[row, 1] - span[row, 0] + (spans[cells - 1, row, 1] if cells > 0 else 0))
+    pos, code, triangle = kept.pos, kept.code, kept.triangle
+    if most > pos.shape[1]:
+        pos, code = resized_columns(pos, 2 * most), resized_columns(code, 2 * most)
+    most = span[TRIANGLES, 1] - span[TRIANGLES, 0] + (spans[cells - 1, TRIANGLES, 1] if cells > 0 else 0)
+    if most > len(triangle):
+        triangle = resized(triangle, 2 * most)
+    return Waiting(places, spans, Lists(pos, code, triangle))
+
+
+@jit
+def _wait(
+    waiting: Waiting, cells: int, lists: Lists, span: Spans, node: int, depth: int, ids: Ints, rank: Words
+) -> Waiting:
+    """Appends a cell, its triangles named by their rank; what is there must be a multiple of its own size."""
+    waiting = _with_cell(waiting, cells, span)
+    kept, spans = waiting.lists, waiting.spans
+    waiting.cells[cells, 0], waiting.cells[cells, 1] = node, depth
+    for row in range(4):
+        spans[cells, row, 0] = spans[cells - 1, row, 1] if cells > 0 else 0
+        spans[cells, row, 1] = spans[cells, row, 0] + span[row, 1] - span[row, 0]
+    to = spans[cells, TRIANGLES, 0]
+    for i in range(span[TRIANGLES, 0], span[TRIANGLES, 1]):
+        one = lists.triangle[i]
+        rank[one] = i - span[TRIANGLES, 0]
+        kept.triangle[to] = ids[one]
+        to += 1
+    for row in range(3):
+        to = spans[cells, row, 0]
+        for i in range(span[row, 0], span[row, 1]):
+            code = lists.code[row, i]
+            kept.pos[row, to] = lists.pos[row, i]
+            kept.code[row, to] = (rank[code >> np.uint32(2)] << np.uint32(2)) | (code & np.uint32(3))
+            to += 1
+    return waiting

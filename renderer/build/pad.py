@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.build.tree import Floats
+from renderer.jit import jit
 
 PAD = 2.0**-17
 """Of the largest side of the box around all."""
@@ -15,9 +16,19 @@ PAD_PLACE = 2.0**-22
 
 def pad_of(boxes: Floats) -> float:
     """How far `padded` moves every side of `boxes` (m, 2, 3) float32, at least."""
-    exact = boxes.astype(np.float64)
-    side = float((exact[:, 1].max(axis=0) - exact[:, 0].min(axis=0)).max())
-    return PAD * side + PAD_PLACE * float(np.abs(exact).max())
+    low, high = around(boxes)
+    side = float((high.astype(np.float64) - low).max())
+    return PAD * side + PAD_PLACE * float(max(np.abs(low).max(), np.abs(high).max()))
+
+
+@jit
+def around(boxes: Floats) -> tuple[Floats, Floats]:
+    """The corners of the box around all, (3,) each."""
+    low, high = np.full(3, np.float32(np.inf)), np.full(3, np.float32(-np.inf))
+    for i in range(len(boxes)):
+        for k in range(3):
+            low[k], high[k] = min(low[k], boxes[i, 0, k]), max(high[k], boxes[i, 1, k])
+    return low, high
 
 
 def padded(boxes: Floats) -> Floats:
@@ -30,13 +41,22 @@ def padded(boxes: Floats) -> Floats:
     """
     # The last factor outweighs the rounding of the float64 sums; the least pad gives a point at 0 a cell with width.
     pad = max(pad_of(boxes) * (1.0 + 2.0**-20), float(np.finfo(np.float32).tiny))
-    lower, upper = boxes[:, 0].astype(np.float64) - pad, boxes[:, 1].astype(np.float64) + pad
-    return np.stack([_rounded(lower, -np.inf), _rounded(upper, np.inf)], axis=1)
+    return _moved_out(boxes, pad)
 
 
-def _rounded(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]], towards: float) -> Floats:
-    """float32 of `values`, never on the wrong side of them."""
-    nearest = values.astype(np.float32)
-    beyond = np.nextafter(nearest, np.float32(towards))
-    short = nearest > values if towards < 0 else nearest < values
-    return np.where(short, beyond, nearest)
+@jit
+def _moved_out(boxes: Floats, pad: float) -> Floats:
+    moved = np.empty_like(boxes)
+    for i in range(len(boxes)):
+        for k in range(3):
+            low, high = np.float64(boxes[i, 0, k]) - pad, np.float64(boxes[i, 1, k]) + pad
+            moved[i, 0, k] = -_rounded_up(-low)
+            moved[i, 1, k] = _rounded_up(high)
+    return moved
+
+
+@jit
+def _rounded_up(value: float) -> np.float32:
+    """The least float32 that is not below `value`."""
+    nearest = np.float32(value)
+    return nearest if nearest >= value else np.nextafter(nearest, np.float32(np.inf))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +12,14 @@ Floats = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int32]
 Bytes = npt.NDArray[np.uint8]
 
+Builder = Literal["sah", "binned", "median", "reinserted", "sbvh", "sbvh-reinserted", "clipped"]
+"""How a tree is built: a KD-tree by `sah` or `clipped`, a BVH by all but `clipped`."""
+
 MAX_BVH_LEAF = 63
 """The most triangles a BVH leaf may hold; node layouts give the count six bits."""
+
+EMPTY = -1
+"""The `count` of a place that holds no child."""
 
 KD_LEAF = 3
 """The `axis` of a KD-tree's leaf."""
@@ -76,6 +83,31 @@ class Kd:
     depth: int
     cost: float
     epo: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class WideBvh:
+    """A BVH of n nodes with up to `width` children each; node 0 is the root, and parents come before children.
+
+    A node's children fill its first places, in the order of the binary tree; what follows is empty. `lower`, `upper`
+    (n, width, 3) float32: the children's boxes, inf and -inf where empty. `count` (n, width) int32: 0 for an inner
+    child, the triangles of a leaf, or EMPTY. `child` (n, width) int32: an inner child's node, a leaf's first slot
+    in `order`, or 0 where empty. A node's inner children are consecutive nodes, and its leaves' slots one range, both
+    in the order of their places. `order` (r,) int32: slot -> triangle of the scene. `depth`: edges between nodes on
+    the longest path from the root. `waiting`: the most children of nodes on a path that can still wait for a visit
+    while another is at work, whatever the order. `cost`: sum over nodes of area / root area times the cost of a visit,
+    plus that of the leaves' triangles. Where the whole tree is a leaf, the root has it for its only child.
+    """
+
+    width: int
+    lower: Floats
+    upper: Floats
+    child: Ints
+    count: Ints
+    order: Ints
+    depth: int
+    waiting: int
+    cost: float
 
 
 Tree = Bvh | Kd

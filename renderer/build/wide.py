@@ -2,47 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from renderer.build.grow import resized_rows
 from renderer.build.refit import half_area
-from renderer.build.tree import MAX_BVH_LEAF, Bvh, Bytes, Floats, Ints, SahCosts
+from renderer.build.tree import EMPTY, MAX_BVH_LEAF, Bvh, Bytes, Floats, Ints, SahCosts, WideBvh
 from renderer.jit import jit
 
 MAX_WIDTH = 8
-EMPTY = -1
-"""The `count` of a place that holds no child."""
 
 _FEWER = 0x80
 _LEAF, _INNER = 0, 1
-
-
-@dataclass(frozen=True, eq=False)
-class WideBvh:
-    """A BVH of n nodes with up to `width` children each; node 0 is the root, and parents come before children.
-
-    A node's children fill its first places, in the order of the binary tree; what follows is empty. `lower`, `upper`
-    (n, width, 3) float32: the children's boxes, inf and -inf where empty. `count` (n, width) int32: 0 for an inner
-    child, the triangles of a leaf, or EMPTY. `child` (n, width) int32: an inner child's node, a leaf's first slot
-    in `order`, or 0 where empty. A node's inner children are consecutive nodes, and its leaves' slots one range, both
-    in the order of their places. `order` (r,) int32: slot -> triangle of the scene. `depth`: edges between nodes on
-    the longest path from the root. `waiting`: the most children of nodes on a path that can still wait for a visit
-    while another is at work, whatever the order. `cost`: sum over nodes of area / root area times the cost of a visit,
-    plus that of the leaves' triangles. Where the whole tree is a leaf, the root has it for its only child.
-    """
-
-    width: int
-    lower: Floats
-    upper: Floats
-    child: Ints
-    count: Ints
-    order: Ints
-    depth: int
-    waiting: int
-    cost: float
 
 
 def collapse(tree: Bvh, costs: SahCosts, width: int = 4, max_leaf: int = MAX_BVH_LEAF) -> WideBvh:

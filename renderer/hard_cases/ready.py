@@ -10,9 +10,9 @@ from typing import Any, cast
 import numpy as np
 
 from renderer import referee
-from renderer.build.api import Builder, build
+from renderer.build.api import build
 from renderer.build.chain import chain_bvh
-from renderer.build.tree import Bvh, Tree
+from renderer.build.tree import Builder, Bvh, Tree
 from renderer.court import Court
 from renderer.ray_plan import Answer
 from renderer.records import Rays

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.tree import MAX_DEPTH, Bvh, Tree
-from renderer.build.wide import WideBvh, collapse
+from renderer.build.tree import MAX_DEPTH, Bvh, Tree, WideBvh
 from renderer.pack.baked import bake
 from renderer.pack.nodes import PackedNodes, pack_nodes
 from renderer.pack.primitives import PackedPrimitives, face_normals, pack_primitives
@@ -56,6 +55,9 @@ def _as_walked(tree: Tree | None, request: Request) -> Tree | WideBvh | None:
     wide = tree is not None and NODE_LAYOUTS[TRAVERSALS[request.variant.traversal].nodes]["f32"].order == "quads"
     if not wide:
         return tree
+    # Narrow trees need no compiler.
+    from renderer.build.wide import collapse
+
     assert isinstance(tree, Bvh)
     return collapse(tree, request.costs)
 

@@ -7,11 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.tree import KD_LEAF, Bvh, Kd, Tree
-from renderer.build.wide import WideBvh
-from renderer.pack.depth_first import OCTANTS, depth_first
+from renderer.build.tree import KD_LEAF, Bvh, Kd, Tree, WideBvh
 from renderer.pack.grid import Grid, grid_over
-from renderer.pack.paths import path_table
 from renderer.pack.primitives import unsigned_zeros
 from renderer.pack.quads import child_values, framed_values
 from renderer.pack.schema import LEAF, NODE_LAYOUTS, TAIL, Field, NodeLayout
@@ -64,6 +61,8 @@ def pack_nodes(tree: Tree | WideBvh, layout_name: str, node_format: str = "f32")
             assert isinstance(tree, Kd)
             tail = tree.refs.astype(np.uint32)
         case "paths":
+            from renderer.pack.paths import path_table
+
             assert isinstance(tree, Bvh)
             tail = path_table(tree.child, tree.count, words[slots, _LINK])
     return PackedNodes(_append(words, tail, layout), words.size // layout.vector, grid)
@@ -104,6 +103,9 @@ def _box_words(values: Values, layout: NodeLayout, lower: Face, upper: Face) -> 
 
 def _depth_first(tree: Bvh, layout: NodeLayout, values: Values, leaf: Flags) -> Words:
     """The nodes in one order, or in an order for each octant; a node of zeros ends each."""
+    # The other layouts need no compiler.
+    from renderer.pack.depth_first import OCTANTS, depth_first
+
     copies = OCTANTS if layout.order == "octants" else 1
     words = np.zeros((copies, len(leaf) + 1, layout.words), np.uint32)
     for octant, copy in enumerate(words):

@@ -34,23 +34,28 @@ def pack_primitives(
     Without normals every layout is the same three padded vertices. The scene's triangle id lies in padding.
     """
     ids = np.arange(len(triangles), dtype=np.int32) if order is None else order
-    corners = unsigned_zeros(triangles[ids])
-    vertices = np.zeros((len(ids), 3, 4), np.uint32)
-    vertices[:, :, :3] = corners
+    compact = layout == "compact"
+    rows = 3 if corner_normals is None or layout == "split" else 5 if compact else 6
+    words = np.zeros((len(ids), rows, 4), np.uint32)
+    corners = triangles.reshape(-1, 9) if order is None else np.take(triangles.reshape(-1, 9), ids, axis=0)
+    # -0.0 becomes 0.0, as in `unsigned_zeros`.
+    np.add(corners.reshape(-1, 3, 3), np.float32(0.0), out=words.view(np.float32)[:, :3, :3])
     id_words = ids.astype(np.uint32)
     if corner_normals is None:
-        vertices[:, 0, 3] = id_words
-        return PackedPrimitives(vertices.ravel(), None)
-    normals = np.zeros((len(ids), 3, 4), np.uint32)
-    normals[:, :, :3] = _bits(corner_normals[ids])
-    if layout == "compact":
-        vertices[:, :, 3] = normals[:, 0, :3]
-        normals[:, 1, 3] = id_words
-        return PackedPrimitives(np.concatenate([vertices, normals[:, 1:]], axis=1).ravel(), None)
-    vertices[:, 0, 3] = id_words
+        words[:, 0, 3] = id_words
+        return PackedPrimitives(words.ravel(), None)
+    own = _bits(corner_normals if order is None else np.take(corner_normals.reshape(-1, 9), ids, axis=0))
+    normals = own.reshape(-1, 3, 3)
+    if compact:
+        words[:, :3, 3], words[:, 3:, :3], words[:, 3, 3] = normals[:, 0], normals[:, 1:], id_words
+        return PackedPrimitives(words.ravel(), None)
+    words[:, 0, 3] = id_words
     if layout == "split":
-        return PackedPrimitives(vertices.ravel(), normals.ravel())
-    return PackedPrimitives(np.concatenate([vertices, normals], axis=1).ravel(), None)
+        apart = np.zeros((len(ids), 3, 4), np.uint32)
+        apart[:, :, :3] = normals
+        return PackedPrimitives(words.ravel(), apart.ravel())
+    words[:, 3:, :3] = normals
+    return PackedPrimitives(words.ravel(), None)
 
 
 def pack_raster(triangles: Floats, corner_normals: Floats | None) -> Words:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.wide import EMPTY, WideBvh
+from renderer.build.tree import EMPTY, WideBvh
 from renderer.pack.grid import Grid, grid_over
 from renderer.pack.schema import LEAF
 

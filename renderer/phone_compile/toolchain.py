@@ -6,9 +6,9 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from renderer.kept import cache_folder
 from renderer.phone_compile.errors import CompileError
 from renderer.phone_compile.gpus import Gpu
+from scenes.kept import cache_folder
 
 FOLDER_VARIABLE = "RAYFARM_PHONE_COMPILER"
 HOW = "`make phone-compiler` builds them from Debian's source package of Mesa, in about 16 CPU minutes"

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.build.api import Builder, build
-from renderer.build.tree import Bvh, SahCosts, Tree
+from renderer.build.api import build
+from renderer.build.tree import Builder, Bvh, SahCosts, Tree
 from renderer.pack.api import pack
 from renderer.plan import Plan
 from renderer.prepare import Prepared

@@ -13,6 +13,7 @@ from renderer.variant import TRAVERSALS, Variant
 
 SIZE = (60, 44)
 WALKS = tuple(name for name, row in TRAVERSALS.items() if row.structure == "bvh")
+KD_WALKS = tuple(name for name, row in TRAVERSALS.items() if row.structure == "kd")
 
 
 @cache
@@ -35,3 +36,12 @@ def test_every_walk_takes_triangles_that_are_named_twice(traversal: str) -> None
     nodes = "grid16" if traversal in PACKETS else "f32"
     found = run(catalogue_scene("crytek-sponza"), Variant(traversal, "compute", nodes=nodes, builder="sbvh"), SIZE)
     assert identical(found.records, sweep("crytek-sponza", "moller-trumbore").records).first == {}
+
+
+@pytest.mark.parametrize("traversal", KD_WALKS)
+@pytest.mark.parametrize("intersector", ["moller-trumbore", "watertight"])
+@pytest.mark.parametrize("name", ["cornell-box", "crytek-sponza", "forest:4000"])
+def test_a_clipped_tree_changes_no_hit(name: str, intersector: str, traversal: str) -> None:
+    found = run(catalogue_scene(name), Variant(traversal, "compute", intersector=intersector, builder="clipped"), SIZE)
+    assert not found.records.cut.any()
+    assert identical(found.records, sweep(name, intersector).records).first == {}

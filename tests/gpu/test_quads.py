@@ -7,8 +7,7 @@ import numpy.typing as npt
 import pytest
 from test_round_trip import Words, bits, device_reads, shader
 
-from renderer.build.tree import MAX_BVH_LEAF
-from renderer.build.wide import EMPTY, WideBvh
+from renderer.build.tree import EMPTY, MAX_BVH_LEAF, WideBvh
 from renderer.pack.grid import grid_over
 from renderer.pack.nodes import PackError, pack_nodes
 from renderer.pack.quads import FRAME_CELLS

@@ -5,8 +5,8 @@ import numpy.typing as npt
 import pytest
 from build_soups import SOUPS, Floats, soup
 
-from renderer.build.api import bounds
 from renderer.build.bvh import BvhMethod, build_bvh
+from renderer.build.make import bounds
 from renderer.build.tree import MAX_BVH_LEAF, MAX_DEPTH, Bvh, SahCosts
 from scenes.load import load
 from scenes.places import find_named

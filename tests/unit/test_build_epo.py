@@ -3,9 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from renderer.build.api import bounds, build
+from renderer.build.api import build
 from renderer.build.bvh import build_bvh
 from renderer.build.epo import epo
+from renderer.build.make import bounds
 from renderer.build.refined import Refinement, build_refined
 from renderer.build.tree import Bvh, Floats, SahCosts
 

@@ -6,6 +6,8 @@ import pytest
 from build_soups import SOUPS, Floats, lattice, soup
 
 from renderer.build.kd import build_kd
+from renderer.build.kd_clip import shapes_of
+from renderer.build.make import bounds
 from renderer.build.pad import pad_of, padded
 from renderer.build.tree import KD_LEAF, MAX_DEPTH, Kd, SahCosts
 
@@ -193,6 +195,81 @@ def test_no_cell_of_a_padded_tree_is_flat(name: str) -> None:
     boxes = SOUPS[name]()
     tree = build_kd(padded(boxes), SahCosts())
     assert (tree.upper > tree.lower).all()
+
+
+def triangles(name: str, seed: int) -> Floats:
+    """Triangles (m, 3, 3): "long" ones across half the scene, "slivers", "small" ones, or some "in planes"."""
+    rng = np.random.default_rng(seed)
+    number = 300
+    if name == "long":
+        from_one, along = rng.random((number, 1, 3)), rng.random((number, 2, 3)) * [1.0, 0.1, 0.1]
+        return np.concatenate([from_one, from_one + along], axis=1).astype(np.float32)
+    if name == "in planes":
+        whole = rng.integers(0, 40, (number, 1, 3)) + rng.integers(-4, 5, (number, 3, 3))
+        whole[::2, :, 1] = whole[::2, :1, 1]
+        return whole.astype(np.float32)
+    corners = rng.random((number, 1, 3)) + 0.2 * rng.random((number, 3, 3))
+    if name == "slivers":
+        corners[:, 2] = corners[:, 0] + (corners[:, 1] - corners[:, 0]) * (1.0 + 1e-6 * rng.random((number, 3)))
+    return (corners * 1000.0).astype(np.float32)
+
+
+def lists_where(tree: Kd, point: npt.NDArray[np.float64]) -> list[int]:
+    """The triangles of a leaf whose cell holds a point."""
+    node = 0
+    while tree.axis[node] != KD_LEAF:
+        node = int(tree.child[node]) + int(point[tree.axis[node]] > tree.split[node])
+    return list(tree.refs[tree.child[node] : tree.child[node] + tree.count[node]])
+
+
+@pytest.mark.parametrize("name", ["small", "long", "slivers", "in planes"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_clipped_triangle_is_listed_wherever_it_is_within_the_margin(name: str, seed: int) -> None:
+    corners = triangles(name, seed)
+    boxes = padded(bounds(corners))
+    shapes = shapes_of(corners, boxes)
+    tree, whole = build_kd(boxes, SahCosts(1.0, 1.0), shapes=shapes), build_kd(boxes, SahCosts(1.0, 1.0))
+    check_links(tree)
+    check_cells(tree, boxes)
+    check_cost(tree, SahCosts(1.0, 1.0))
+    assert tree.cost < whole.cost
+    rng = np.random.default_rng(seed)
+    for one in range(len(corners)):
+        for weights in rng.dirichlet([0.5, 0.5, 0.5], 20):
+            near = weights @ corners[one].astype(np.float64) + shapes.margin * rng.uniform(-0.99, 0.99, 3)
+            # Strictly inside: faces are planes, and what is on a plane is in one of its two cells.
+            inside = np.clip(near, boxes[one, 0] + 0.001 * shapes.margin, boxes[one, 1] - 0.001 * shapes.margin)
+            assert one in lists_where(tree, inside), f"seed {seed}, {near}"
+
+
+def test_a_clipped_leaf_lists_what_its_grown_cell_holds_and_no_more() -> None:
+    """In the plane of one triangle, against the exact distance from its edge."""
+    corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0.9, 0.9, 0], [1, 0.9, 0], [0.9, 1, 0.01]]], np.float32)
+    boxes = padded(bounds(corners))
+    tree = build_kd(boxes, SahCosts(0.01, 1.0), shapes=shapes_of(corners, boxes))
+    assert 0 not in lists_where(tree, np.array([0.95, 0.95, 0.0]))
+    assert 0 in lists_where(tree, np.array([0.5, 0.5, 0.0]))
+
+
+@pytest.mark.parametrize("clip", [False, True])
+def test_cores_change_nothing(clip: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("renderer.build.kd.TASK", 40)
+    corners = triangles("small", 3)
+    boxes = padded(bounds(corners))
+    trees = []
+    for threads in ("1", "2"):
+        monkeypatch.setenv("RAYFARM_BUILD_THREADS", threads)
+        trees.append(build_kd(boxes, SahCosts(1.0, 1.0), shapes=shapes_of(corners, boxes) if clip else None))
+    for field, value in vars(trees[0]).items():
+        np.testing.assert_array_equal(value, getattr(trees[1], field), err_msg=field)
+    check_links(trees[0])
+    check_cells(trees[0], boxes)
+    if not clip:
+        check_refs(trees[0], boxes)
+    monkeypatch.setattr("renderer.build.kd.TASK", 0)
+    alone = build_kd(boxes, SahCosts(1.0, 1.0), shapes=shapes_of(corners, boxes) if clip else None)
+    assert alone.cost == pytest.approx(trees[0].cost, rel=1e-9)
+    assert len(alone.refs) == len(trees[0].refs)
 
 
 def test_no_triangles_are_refused() -> None:

@@ -12,9 +12,9 @@ import pytest
 from build_soups import SOUPS, soup
 
 from renderer import referee
-from renderer.build.api import bounds
 from renderer.build.bvh import build_bvh
 from renderer.build.loose import Loose, loosened, settled
+from renderer.build.make import bounds
 from renderer.build.optimise import LONG
 from renderer.build.refined import REFINEMENTS, Refinement, build_refined
 from renderer.build.refit import fit_boxes

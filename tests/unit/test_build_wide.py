@@ -8,8 +8,8 @@ import pytest
 from build_soups import SOUPS, Floats, soup
 
 from renderer.build.bvh import build_bvh
-from renderer.build.tree import MAX_BVH_LEAF, Bvh, SahCosts
-from renderer.build.wide import EMPTY, WideBvh, collapse
+from renderer.build.tree import EMPTY, MAX_BVH_LEAF, Bvh, SahCosts, WideBvh
+from renderer.build.wide import collapse
 
 COSTS = [SahCosts(), SahCosts(1.0, 1.0), SahCosts(0.0, 2.0), SahCosts(1.0, 0.0), SahCosts(1e6, 1.0)]
 

@@ -81,7 +81,8 @@ def test_the_key_tells_requests_apart(change: dict[str, Any]) -> None:
         ),
         (
             {"variant": Variant("kd-push-down", builder="median")},
-            "kd-push-down fragment normal median is refused: median is a BVH builder: a KD-tree is built with sah.",
+            "kd-push-down fragment normal median is refused: "
+            "median is a BVH builder: a KD-tree is built with sah or clipped.",
         ),
         (
             {"variant": Variant(layout="dense")},

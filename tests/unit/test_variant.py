@@ -58,8 +58,8 @@ def test_hybrid_has_no_primary_rays_to_time() -> None:
 @pytest.mark.parametrize(
     ("variant", "reason"),
     [
-        (Variant("kd-push-down", builder="median"), "median is a BVH builder: a KD-tree is built with sah."),
-        (Variant("kd-backtrack", builder="median"), "median is a BVH builder: a KD-tree is built with sah."),
+        (Variant("kd-push-down", builder="median"), "median is a BVH builder: a KD-tree is built with sah or clipped."),
+        (Variant("kd-backtrack", builder="median"), "median is a BVH builder: a KD-tree is built with sah or clipped."),
         (Variant("brute-force", builder="median"), "brute-force has no structure to build: leave the builder at sah."),
         (
             Variant("kd-backtrack", precision="mediump"),
