@@ -1,4 +1,8 @@
-"""Locks between the processes of one machine: one measurement at a time on it, and one on each phone."""
+"""Locks between the processes of one machine: one measurement at a time on it, and one on each phone.
+
+They lie in the folder RAYFARM_LOCKS, else in the machine's folder for temporary files. Processes that each have one of
+those to themselves, as in containers, must be given a common folder.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +15,19 @@ from contextlib import contextmanager
 from pathlib import Path
 
 
+def lock_folder() -> Path:
+    """Where the locks are."""
+    return Path(os.environ.get("RAYFARM_LOCKS") or tempfile.gettempdir())
+
+
 def machine_lock() -> Path:
     """The lock of this machine's processor, one for all its users: held by llvmpipe runs and our own heavy work."""
-    return _folder() / "rayfarm-measuring.lock"
+    return lock_folder() / "rayfarm-measuring.lock"
 
 
 def device_lock(device: str) -> Path:
     """The lock of a device with this id."""
-    return _folder() / f"rayfarm-device-{hashlib.sha256(device.encode()).hexdigest()[:16]}.lock"
+    return lock_folder() / f"rayfarm-device-{hashlib.sha256(device.encode()).hexdigest()[:16]}.lock"
 
 
 @contextmanager
@@ -39,14 +48,11 @@ def holding(path: Path, when_busy: Callable[[], None] = lambda: None) -> Iterato
         os.close(handle)
 
 
-def _folder() -> Path:
-    return Path(tempfile.gettempdir())
-
-
 def _open(path: Path) -> int:
     # Another user's file in a sticky folder may be opened for reading but not with O_CREAT; a lock needs no more.
     flags = os.O_RDONLY | os.O_CLOEXEC
     try:
         return os.open(path, flags)
     except FileNotFoundError:
+        path.parent.mkdir(parents=True, exist_ok=True)
         return os.open(path, flags | os.O_CREAT, 0o644)
