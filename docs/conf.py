@@ -28,8 +28,6 @@ myst_heading_anchors = 3
 
 OPERATIONS = "<!-- operations -->"
 
-UNWRITTEN = [page for page in ("operation", "keeping") if not Path(__file__).with_name(f"{page}.md").exists()]
-
 
 def setup(app: Sphinx) -> None:
     """Put the API's operations into their page, from the application's own OpenAPI document."""
@@ -42,5 +40,3 @@ def _completed(app: Sphinx, name: str, source: list[str]) -> None:
         from api_page import operations
 
         source[0] = source[0].replace(OPERATIONS, operations())
-    if name == root_doc:
-        source[0] = "\n".join(line for line in source[0].split("\n") if line not in UNWRITTEN)

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from renderer.kept import cache_folder
+
 from renderer.locks import lock_folder
 from scenes import places
 from server.doctor.finding import Said
