@@ -69,11 +69,11 @@ def pack_nodes(tree: Tree | WideBvh, layout_name: str, node_format: str = "f32")
 
 
 def _pack_quads(tree: WideBvh, layout: NodeLayout) -> PackedNodes:
-    framed = layout.field("box") is None and layout.field("origin") is not None
+    framed = layout.field("origin") is not None
+    grid: Grid | None = None
     if framed:
-        values, frame = framed_values(tree)
-        _require_float32(frame)
-        grid = None
+        values, frames = framed_values(tree)
+        _require_float32(frames)
     else:
         values = child_values(tree)
         grid = _box_words(values, layout, tree.lower[0].min(axis=0), tree.upper[0].max(axis=0))
@@ -81,8 +81,6 @@ def _pack_quads(tree: WideBvh, layout: NodeLayout) -> PackedNodes:
     words = np.zeros((rows, layout.words), np.uint32)
     leaf = np.full(rows, False) if framed else values["axis"] == LEAF
     _store_all(words, words[:, 0], np.arange(rows), layout, values, leaf)
-    if not framed:
-        words[values["count"] + (values["axis"] != LEAF) == 0] = 0
     return PackedNodes(words.ravel(), None, grid)
 
 
