@@ -1,4 +1,8 @@
-"""Locks between the processes of one machine: one measurement at a time on it, and one on each phone."""
+"""Locks between the processes of one machine: one measurement at a time on it, and one on each phone.
+
+They lie in the folder RAYFARM_LOCKS, else in the machine's folder for temporary files. Processes that each have one of
+those to themselves, as in containers, must be given a common folder.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +15,19 @@ from contextlib import contextmanager
 from pathlib import Path
 
 
+def lock_folder() -> Path:
+    """Where the locks are."""
+    return Path(os.environ.get("RAYFARM_LOCKS") or tempfile.gettempdir())
+
+
 def machine_lock() -> Path:
     """The lock of this machine's processor, one for all its users: held by llvmpipe runs and our own heavy work."""
-    return _folder() / "rayfarm-measuring.lock"
+    return lock_folder() / "rayfarm-measuring.lock"
 
 
 def device_lock(device: str) -> Path:
     """The lock of a device with this id."""
-    return _folder() / f"rayfarm-device-{hashlib.sha256(device.encode()).hexdigest()[:16]}.lock"
+    return lock_folder() / f"rayfarm-device-{hashlib.sha256(device.encode()).hexdigest()[:16]}.lock"
 
 
 @contextmanager
@@ -37,10 +46,6 @@ def holding(path: Path, when_busy: Callable[[], None] = lambda: None) -> Iterato
         yield
     finally:
         os.close(handle)
-
-
-def _folder() -> Path:
-    return Path(tempfile.gettempdir())
 
 
 def _open(path: Path) -> int:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
-import tempfile
-from pathlib import Path
+
+from renderer.locks import lock_folder
 
 
 class Turn:
@@ -14,7 +14,7 @@ class Turn:
 
     def __init__(self, name: str) -> None:
         digest = hashlib.sha256(name.encode()).hexdigest()[:16]
-        self._path = Path(tempfile.gettempdir()) / f"rayfarm-tracker-{os.getuid()}-{digest}.lock"
+        self._path = lock_folder() / f"rayfarm-tracker-{os.getuid()}-{digest}.lock"
         self._handle: int | None = None
 
     def take(self) -> bool:

@@ -1,0 +1,66 @@
+#!/usr/bin/env bash
+# Makes a minimal Debian system with git, make and Python, clones this repository's last commit into it, and runs the
+# README's two commands there, or the words that follow: `tools/minimal_debian.sh make run ARGS=--exit`. Needs root and
+# debootstrap. SUITE names another release than trixie, FOLDER a folder that is kept and used again. The mirror, proxies
+# and certificates are those that this machine is set up with.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+suite=${SUITE:-trixie}
+if [ "$(id -u)" -ne 0 ]; then
+    echo "A system is made and entered by root alone: run this with sudo." >&2
+    exit 1
+fi
+for tool in debootstrap unshare git; do
+    command -v "$tool" >/dev/null || { echo "$tool is missing: apt-get install debootstrap util-linux git." >&2; exit 1; }
+done
+mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' 'Origin: Debian' 'Component: main' |
+    grep -v security | head -n 1 || true)
+if [ -z "$mirror" ]; then
+    echo "apt is not set up for Debian's packages here: run this on a Debian." >&2
+    exit 1
+fi
+
+if [ -n "${FOLDER:-}" ]; then
+    root=$(realpath -m "$FOLDER")
+else
+    root=$(mktemp -d "${TMPDIR:-/tmp}/rayfarm-debian-XXXXXX")
+    trap 'rm -rf --one-file-system "$root"' EXIT
+fi
+
+if [ ! -e "$root/.made" ]; then
+    # An https mirror is trusted by this machine's certificates, which the new system gets below.
+    debootstrap --variant=minbase --include=git,make,python3,ca-certificates "$suite" "$root" "$mirror" >"$root.log" 2>&1 ||
+        { tail -n 20 "$root.log" >&2; exit 1; }
+    rm "$root.log"
+    apt-config dump Acquire >"$root/etc/apt/apt.conf.d/90this-machine"
+    cp -L /etc/resolv.conf "$root/etc/resolv.conf"
+    [ ! -e /etc/pip.conf ] || cp /etc/pip.conf "$root/etc/pip.conf"
+    find /usr/local/share/ca-certificates -name '*.crt' -exec cp {} "$root/usr/local/share/ca-certificates/" \;
+    chroot "$root" update-ca-certificates >/dev/null 2>&1
+    touch "$root/.made"
+fi
+
+rm -rf "$root/root/rayfarm"
+git bundle create -q "$root/root/rayfarm.bundle" HEAD
+chroot "$root" git -c init.defaultBranch=main -c advice.detachedHead=false clone -q /root/rayfarm.bundle /root/rayfarm
+
+# Mounts and processes end with the namespaces, however this ends.
+enter='
+mount --make-rprivate /
+mount -t proc proc "$root/proc"
+mount -t sysfs -o ro sysfs "$root/sys"
+mount --rbind /dev "$root/dev"
+mount -t tmpfs tmpfs "$root/dev/shm"
+mount -t tmpfs -o mode=1777 tmpfs "$root/tmp"
+exec chroot "$root" env -i HOME=/root LANG=C.UTF-8 PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
+    bash -euc "cd /root/rayfarm && \"\$@\"" minimal "$@"
+'
+run() { root=$root unshare --mount --pid --fork --kill-child bash -euc "$enter" minimal "$@"; }
+
+if [ $# -gt 0 ]; then
+    run "$@"
+else
+    run make run ARGS=--exit
+    run make test
+fi
