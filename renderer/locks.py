@@ -54,4 +54,5 @@ def _open(path: Path) -> int:
     try:
         return os.open(path, flags)
     except FileNotFoundError:
+        path.parent.mkdir(parents=True, exist_ok=True)
         return os.open(path, flags | os.O_CREAT, 0o644)

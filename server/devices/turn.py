@@ -20,6 +20,7 @@ class Turn:
     def take(self) -> bool:
         """Take it if it is free; whether it is held now."""
         if self._handle is None:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
             handle = os.open(self._path, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
