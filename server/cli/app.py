@@ -12,6 +12,7 @@ from server.cli import bench as cli_bench
 from server.cli import compare as cli_compare
 from server.cli import compile as cli_compile
 from server.cli import devices as cli_devices
+from server.cli import doctor as cli_doctor
 from server.cli import keeping as cli_keeping
 from server.cli import profile as cli_profile
 from server.cli import recommend as cli_recommend
@@ -47,6 +48,7 @@ for verbs in (
     cli_up,
     cli_tokens,
     cli_keeping,
+    cli_doctor,
 ):
     verbs.register(app)
 

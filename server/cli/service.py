@@ -67,5 +67,6 @@ def worker(
         while not told.wait(LOOK_S) and not measuring.given_up:
             if until_idle and measuring.is_idle():
                 return
-    if measuring.given_up:
+        given_up = measuring.given_up  # Once it was stopped it says so of itself, too.
+    if given_up:
         raise typer.Exit(GIVEN_UP)
