@@ -30,7 +30,9 @@ def python(version: tuple[int, ...] = sys.version_info[:3]) -> Iterator[Said]:
 
 def packages(constraints: Path = ROOT / "constraints.txt") -> Iterator[Said]:
     """Whether what is installed is what was tested."""
-    installed = {_plain(each.name): each.version for each in metadata.distributions()}
+    installed: dict[str, str] = {}
+    for each in metadata.distributions():
+        installed.setdefault(_plain(each.name), each.version)  # The first on the path is the one that is loaded.
     wanted = {_plain(_name(each)) for each in metadata.requires("rayfarm") or [] if "extra ==" not in each}
     absent = sorted(wanted - installed.keys())
     if absent:

@@ -36,21 +36,21 @@ def adb() -> Iterator[Said]:
         yield "good", "No phones are cared for here (RAYFARM_PHONES)."
         return
     try:
+        server = client()
+    except WordError as error:
+        yield "missing", str(error)
+        return
+    try:
         path = adbutils.adb_path()
         ended = subprocess.run([path, "version"], capture_output=True, text=True, check=True, timeout=TIMEOUT_S)
     except (AdbError, OSError, subprocess.SubprocessError):
         yield "missing", "There is no adb that runs: apt-get install adb, and correct ADBUTILS_ADB_PATH if it is set."
     else:
         yield "good", f"adb {plain(ended.stdout.splitlines()[1].removeprefix('Version '))} at {path}."
-    yield from _server()
+    yield from _said_of(server)
 
 
-def _server() -> Iterator[Said]:
-    try:
-        server = client()
-    except WordError as error:
-        yield "missing", str(error)
-        return
+def _said_of(server: AdbClient) -> Iterator[Said]:
     where = f"{server.host}:{server.port}"
     if not _listens(server):
         yield from _log_file()
