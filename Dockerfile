@@ -28,14 +28,14 @@ FROM base
 COPY --from=program /rayfarm /rayfarm
 COPY --from=agent /rayfarm/agent_android/build agent_android/build
 COPY --from=phone-compiler /phone-compiler /phone-compiler
-ENV PATH=/rayfarm/.venv/bin:/usr/local/bin:/usr/bin:/bin
+ENV PATH=/rayfarm/.venv/bin:/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin
 ENV HOME=/var/lib/rayfarm
 ENV RAYFARM_PHONE_COMPILER=/phone-compiler
 ENV RAYFARM_LOCKS=/var/lib/rayfarm/locks
 ENV NUMBA_CACHE_DIR=/var/lib/rayfarm/.cache/numba
 ENV PYTHONUNBUFFERED=1
 # A volume takes the owner of the folder that it is laid over.
-RUN useradd --system --uid 10001 --user-group --home-dir /var/lib/rayfarm rayfarm && \
+RUN useradd --uid 10001 --user-group --no-create-home --home-dir /var/lib/rayfarm rayfarm && \
     mkdir -p /var/lib/rayfarm/.android && chown -R rayfarm:rayfarm /var/lib/rayfarm
 USER 10001:10001
 CMD ["rayfarm", "--help"]
