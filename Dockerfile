@@ -5,7 +5,7 @@ ARG BASE=debian:trixie-20251117-slim
 FROM ${BASE} AS base
 WORKDIR /rayfarm
 COPY tools/system_packages.sh tools/
-RUN apt-get update && apt-get install -y --no-install-recommends make python3 python3-venv && \
+RUN apt-get update && apt-get install -y --no-install-recommends make postgresql-client python3 python3-venv && \
     tools/system_packages.sh run && rm -rf /var/lib/apt/lists/*
 
 # What runs on phones.

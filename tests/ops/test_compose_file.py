@@ -15,7 +15,7 @@ from server.settings import Settings
 PASSWORD = {"RAYFARM_DATABASE_PASSWORD": "secret"}
 SERVICES = read_compose(PASSWORD)["services"]
 each_service = pytest.mark.parametrize("service", SERVICES.values(), ids=SERVICES)
-INSTALLED = {"make", "python3", "python3-venv"}
+INSTALLED = {"make", "postgresql-client", "python3", "python3-venv"}
 """What the Dockerfile installs itself: tools/system_packages.sh knows the rest."""
 
 
