@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import socket
 import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,6 @@ from pathlib import Path
 import adbutils
 from adbutils import AdbClient, AdbError
 
-from agent_android.build import version as agent_version
 from renderer.phone_compile.toolchain import FOLDER_VARIABLE, MissingError, tool_chain
 from server.devices.adb import PhoneError, client
 from server.devices.agent_package import find_agent
@@ -126,12 +126,19 @@ def agent() -> Iterator[Said]:
     except PhoneError as error:
         yield ("missing" if needed else "note"), str(error)
         return
-    if package.version != agent_version():
-        yield "missing", f"The agent is {package.version}, its sources {agent_version()}: run `make agent`."
+    sources = _version_of_sources()
+    if package.version != sources:
+        yield "missing", f"The agent is {package.version}, its sources {sources}: run `make agent`."
     elif settings().via == "apk" and not package.apk.exists():
         yield "missing", "The agent's APK is not built: apt-get install aapt zipalign apksigner, then run `make agent`."
     else:
         yield "good", f"The agent {package.version} is built."
+
+
+def _version_of_sources() -> str:
+    """As the agent's build tells it, which the server calls and does not load."""
+    words = [sys.executable, "-c", "from agent_android.build import version; print(version())"]
+    return subprocess.run(words, capture_output=True, text=True, check=True, timeout=TIMEOUT_S).stdout.strip()
 
 
 def _lists_phones() -> bool:
