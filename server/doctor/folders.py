@@ -8,9 +8,9 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from renderer.kept import cache_folder
 from renderer.locks import lock_folder
 from scenes import places
+from scenes.kept import cache_folder
 from server.doctor.finding import Said
 from server.settings import settings
 from server.store.blob_places import S3
