@@ -71,12 +71,12 @@ def variants(options: argparse.Namespace) -> list[Variant]:
     return found
 
 
-def measured(scene: str, kind: str, options: argparse.Namespace) -> Measured:
+def measured(scene: str, kind: str, host: KeptTwins, options: argparse.Namespace) -> Measured:
     """Every round of every variant, in an order drawn anew for each."""
     requests = [
         Request(scene, one, options.size, frames=1, rounds=1, rays=kind, costs=options.sah) for one in variants(options)
     ]
-    pilot = Pilot(requests, KeptTwins(1))
+    pilot = Pilot(requests, host)
     memory = {one.label: one.memory for one in pilot.candidates(silent)}
     labels = list(memory)
     against, rays = _embree(pilot, requests[0], kind)
@@ -190,6 +190,16 @@ def summary(found: Measured, methods: Iterable[str]) -> list[str]:
     return rows
 
 
+def heading(found: Measured, options: argparse.Namespace) -> str:
+    """What was measured, and by which clock."""
+    clock = "processor" if found.pilot.clock == "cpu" else "wall"
+    return (
+        f"{found.pilot.device['name']}; {options.size[0]}x{options.size[1]}, {options.rounds} rounds, seed "
+        f"{options.seed}, SAH costs ({options.sah.traversal:g}, {options.sah.intersection:g}), {clock} "
+        "seconds: median (least–most)"
+    )
+
+
 def costs(text: str) -> SahCosts:
     """Read `CT,CI`."""
     traversal, intersection = text.split(",")
@@ -220,19 +230,16 @@ def main() -> None:
     parser.add_argument("--write", type=Path, metavar="FILE", help="a document with marks for the tables")
     options = parser.parse_args()
     here = {row["name"] for row in list_scenes() if row["here"]}
-    tables, rows, head = [], [], ""
+    tables, rows = [], []
+    host = KeptTwins(1)  # one for all: it gives back what was not used for longest
     for scene in options.scenes or [name for name in SCENES if name in here]:
         for kind in options.rays:
-            found = measured(scene, kind, options)
-            clock = "processor" if found.pilot.clock == "cpu" else "wall"
-            head = (
-                f"{found.pilot.device['name']}; {options.size[0]}x{options.size[1]}, {options.rounds} rounds, seed "
-                f"{options.seed}, SAH costs ({options.sah.traversal:g}, {options.sah.intersection:g}), {clock} "
-                "seconds: median (least–most)"
-            )
+            found = measured(scene, kind, host, options)
             print(table(found, options.size, found.times), "\n", flush=True)
             tables.append(table(found, options.size, best_of_each(found)))
             rows += summary(found, options.methods.split(","))
+            head = heading(found, options)
+            del found
     overview = f"{head}\n\n" + "\n".join([SUMMARY, *rows])
     print(overview)
     if options.write is not None:
