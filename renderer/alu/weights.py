@@ -83,6 +83,8 @@ def _core(module: Module, instruction: Instruction) -> tuple[str, int]:
             return "arithmetic", 2 * inner - 1
         case 144 | 145 | 146:
             return "arithmetic", _product(module, instruction)
+        case 151 | 152:
+            return "arithmetic", 2 * inner  # a whole product: its low and its high word
         case 154 | 155:
             return "logic", inner - 1
     raise ModelError(f"The ALU model has no weight for SPIR-V's instruction {opcode}.")

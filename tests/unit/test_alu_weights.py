@@ -92,6 +92,12 @@ def test_an_expression_has_the_operations_counted_by_hand(expression: str) -> No
     assert sum(operations(module, block).values()) == EXPRESSIONS[expression][1]
 
 
+def test_a_whole_product_is_two_operations() -> None:
+    shown = "uint f0() { uint high, low; umulExtended(u, u, high, low); return high; }"
+    (block,) = module_of(text("", shown)).functions["f0("]
+    assert sum(operations(module_of(text("", shown)), block).values()) == 2
+
+
 def test_kinds_are_told_apart() -> None:
     module = module_of(text("float x = a.x * 2.0 + sqrt(a.y); uint y = uint(x < 1.0 ? 3.5 : x) << 2;"))
     found = operations(module, module.functions["main"][0])
