@@ -20,7 +20,7 @@ from renderer.request import Request
 from server.logs import about, facts
 from server.queue import ledger, lives
 from server.queue.care import CARE_S, look_after
-from server.queue.durable import POOL, WORKFLOW, Durable, configuration, host_queue
+from server.queue.durable import POOL, WORKFLOW, Durable, configuration, host_queue, stop_retrying
 from server.queue.ledger import Claim
 from server.queue.trouble import Trouble, patiently
 from server.queue.watch import Watch
@@ -74,7 +74,7 @@ class Worker:
         lives.begin(self.database, self.name, self.host)
         self._beaten_at = time.monotonic()
         self.durable.register_queues(self.host, self.poll_s)
-        DBOS(config=configuration(self.durable.url, self.name, self.poll_s))
+        self._queue = DBOS(config=configuration(self.durable.url, self.name, self.poll_s))
 
         @DBOS.step(name="measure", preemptible=True)
         async def measure(slice_id: int, workflow: str) -> str:
@@ -99,6 +99,7 @@ class Worker:
         """End what runs, hand it back, and take nothing more."""
         self._ended.set()
         self._beating.join()
+        stop_retrying(self._queue)
         DBOS.destroy(destroy_registry=True)
         try:
             lives.end(self.database, self.durable, self.name)

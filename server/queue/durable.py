@@ -111,3 +111,12 @@ def configuration(url: str, worker: str, poll_s: float) -> Any:
         "sys_db_pool_size": 5,
         "notification_listener_polling_interval_sec": poll_s,
     }
+
+
+def stop_retrying(queue: DBOS) -> None:
+    """Let what reads the queue fail, from now on, where the database does not answer.
+
+    Its watch for cancelled slices retries for ever, on a thread that Python waits for at its end.
+    """
+    # Only a client has an argument for it (`retry_connection_errors`, DBOS 3.4).
+    vars(queue._sys_db)["_retry_connection_errors"] = False

@@ -85,6 +85,7 @@ def test_a_worker_may_be_stopped_meanwhile_and_its_slice_is_measured_by_the_next
         with subprocess.Popen([sys.executable, WORKER, url, mark, str(LEASE_S)]) as worker:
             wait_for(mark.exists)
             own_cluster.stop()
+            time.sleep(3)  # by when its watch for cancelled slices tries again and again
             worker.send_signal(signal.SIGTERM)
             try:
                 assert worker.wait(60) == 0

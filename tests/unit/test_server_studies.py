@@ -49,11 +49,11 @@ def test_all_leaves_out_brute_force_by_the_number_of_tests() -> None:
 
 
 def test_every_combination_is_planned_or_refused() -> None:
-    axes = dict.fromkeys(AXES, "all")
+    axes = {axis: "all" for axis in AXES if axis not in ("layout", "offset")}
     planned = plan(Study(scenes=("small",), axes=axes, size=(8, 8), frames=1))
     total = 1
-    for values in AXES.values():
-        total *= len(values)
+    for axis in axes:
+        total *= len(AXES[axis])
     assert len(planned.requests) + len(planned.refused) == total
     assert all(item["reason"].endswith(".") for item in planned.refused)
 
