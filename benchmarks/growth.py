@@ -136,14 +136,16 @@ def draw(charts: Sequence[Chart], path: Path) -> None:
 
     columns = 3
     rows = -(-len(charts) // columns)
-    figure = Figure(figsize=(5.2 * columns, 4.2 * rows), layout="constrained")
+    figure = Figure(figsize=(4.6 * columns, 5.0 * rows), layout="constrained")
     for chart, axes in zip(charts, figure.subplots(rows, columns, squeeze=False).flat, strict=False):
         for name, points in chart.lines.items():
             ordered = sorted(points.items())
             axes.loglog(*zip(*ordered, strict=True), marker="o", ms=3, lw=1.2, label=f"{name}, {exponent(points):.2f}")
         axes.set(title=chart.title, xlabel=chart.across, ylabel=chart.up)
         axes.grid(visible=True, which="major", alpha=0.3)
-        axes.legend(fontsize=7, title="line and its power", title_fontsize=7)
+        axes.legend(
+            fontsize=7, title="line and its power", title_fontsize=7, loc="upper left", bbox_to_anchor=(0, -0.16)
+        )
     figure.savefig(path, dpi=110)
 
 
