@@ -1,10 +1,9 @@
 #include "common_packet.glsl"
+#include "common_stack.glsl"
 
 // The stack traversal (`traversal_bvh_stack.glsl`) of a packet: a node is entered if any ray enters its box, the first
 // ray's near child goes first, and a leaf's triangles are tested by every ray. Rays see every box that a single ray would,
 // so they find the same hits. A fetch counts for one ray of the packet, in turn: a ray's share is what it costs.
-const uint STACK_END = 0xfffffffcu;  // the link of a leaf that no tree has
-
 #if INSTRUMENT
 uint packet_turn;
 

@@ -1,8 +1,8 @@
 #include "common_leaf.glsl"
+#include "common_stack.glsl"
 
 // Four children a visit (Wald et al. 2008): the nearest that is entered is next, the others wait on the stack in no
 // order, for sorting them costs what it spares. Every store is made, whether it is kept or not (`traversal_bvh_stack.glsl`).
-const uint STACK_END = 0xfffffffcu;  // the link of a leaf that no tree has
 const uint ROOT = 1u;                // the link of an inner node whose children are the first
 const int MISSED = 0x7fffffff;       // beyond every entry
 

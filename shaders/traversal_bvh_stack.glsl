@@ -1,10 +1,9 @@
 #include "common_leaf.glsl"
+#include "common_stack.glsl"
 
 // Both children are tested at their parent, the near one by the split axis goes first, while-while (Aila and Laine
 // 2009). What is kept of a node is its link word, so leaves are not fetched again. The stack is written and read
 // whether it is used or not: where lanes run in masked loops, a store that some of them skip costs more.
-const uint STACK_END = 0xfffffffcu;  // the link of a leaf that no tree has
-
 void trace(const bool any_hit) {
     COUNT_NODE(NODE_WORDS);
     vec3 lower, upper;

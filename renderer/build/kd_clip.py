@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.pad import around
+from renderer.build.pad import extent
 from renderer.build.tree import Floats
 from renderer.jit import jit
 
@@ -41,9 +41,8 @@ class Shapes(NamedTuple):
 
 def shapes_of(triangles: Floats, boxes: Floats) -> Shapes:
     """What is clipped to: `triangles` (m, 3, 3) whose padded `boxes` are (m, 2, 3)."""
-    low, high = around(boxes)
-    place = float(max(np.abs(low).max(), np.abs(high).max()))
-    return Shapes(triangles, boxes, MARGIN * float((high.astype(np.float64) - low).max()) + MARGIN_PLACE * place)
+    side, place = extent(boxes)
+    return Shapes(triangles, boxes, MARGIN * side + MARGIN_PLACE * place)
 
 
 def unclipped(boxes: Floats) -> Shapes:

@@ -16,9 +16,14 @@ PAD_PLACE = 2.0**-22
 
 def pad_of(boxes: Floats) -> float:
     """How far `padded` moves every side of `boxes` (m, 2, 3) float32, at least."""
+    side, place = extent(boxes)
+    return PAD * side + PAD_PLACE * place
+
+
+def extent(boxes: Floats) -> tuple[float, float]:
+    """The largest side of the box around all, and the largest |coordinate|."""
     low, high = around(boxes)
-    side = float((high.astype(np.float64) - low).max())
-    return PAD * side + PAD_PLACE * float(max(np.abs(low).max(), np.abs(high).max()))
+    return float((high.astype(np.float64) - low).max()), float(max(np.abs(low).max(), np.abs(high).max()))
 
 
 @jit

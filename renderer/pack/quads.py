@@ -51,8 +51,8 @@ def framed_values(tree: WideBvh) -> tuple[Values, Grid]:
     inner, leaf = tree.count == 0, tree.count > 0
     values: Values = {
         "origin": frame.origin.astype(np.float32),
-        "base": np.where(inner, tree.child, 0).max(axis=1) - np.maximum(inner.sum(axis=1) - 1, 0),
-        "slots": np.where(leaf, tree.child, np.iinfo(np.int32).max).min(axis=1) * leaf.any(axis=1),
+        "base": _first(tree.child, inner),
+        "slots": _first(tree.child, leaf),
         "counts": _side_by_side(np.maximum(tree.count, 0), 6),
     }
     for axis, name in enumerate("xyz"):
@@ -60,6 +60,12 @@ def framed_values(tree: WideBvh) -> tuple[Values, Grid]:
         values[f"lower_{name}"] = _side_by_side(low[:, :, axis], 8)
         values[f"upper_{name}"] = _side_by_side(high[:, :, axis], 8)
     return values, frame
+
+
+def _first(child: npt.NDArray[np.int32], which: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
+    """Of each node's children of a kind the least number, 0 where there are none: the others' follow."""
+    least: npt.NDArray[np.int32] = np.where(which, child, np.iinfo(np.int32).max).min(axis=1) * which.any(axis=1)
+    return least
 
 
 def _within(tree: WideBvh, there: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:

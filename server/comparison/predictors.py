@@ -105,14 +105,34 @@ def _predicted(key: str, rows: Sequence[Row]) -> Predicted | None:
     groups = _groups(usable, value)
     if not groups:
         return None
+    times = [np.array([-np.log(_speed(row) or 1.0) for row in held]) for held in groups]
+    values = [np.array([value(row) for row in held]) for held in groups]
     if key != "overlap":
-        return _fitted(key, label, groups, value, None)
-    mixed = [_fitted(key, label, groups, _weighted(float(weight)), float(weight)) for weight in WEIGHTS]
-    return max((one for one in mixed if one is not None), key=lambda one: one.explained, default=None)
+        return _fitted(key, label, values, times, None)
+    overlaps = [np.array([float(row["sah_epo"]) for row in held]) for held in groups]
+    weight = _best_weight(values, overlaps, times)
+    return _fitted(key, label, _mixed(values, overlaps, weight), times, weight)
 
 
-def _weighted(weight: float) -> Callable[[Row], float]:
-    return lambda row: (1 - weight) * float(row["sah_cost"]) + weight * float(row["sah_epo"])
+def _best_weight(costs: list[Doubles], overlaps: list[Doubles], times: list[Doubles]) -> float:
+    """The weight of end-point overlap with which the sum explains most, of those that leave no sum at 0."""
+    sums = {float(weight): _mixed(costs, overlaps, float(weight)) for weight in WEIGHTS}
+    y = _centred(times)
+    explained = {
+        weight: _line(_centred([np.log(one) for one in mixed]), y)[0]
+        for weight, mixed in sums.items()
+        if all((one > 0).all() for one in mixed)
+    }
+    return max(explained, key=lambda weight: explained[weight])
+
+
+def _mixed(costs: list[Doubles], overlaps: list[Doubles], weight: float) -> list[Doubles]:
+    return [(1 - weight) * cost + weight * overlap for cost, overlap in zip(costs, overlaps, strict=True)]
+
+
+def _centred(groups: list[Doubles]) -> Doubles:
+    """All values less their own group's mean."""
+    return np.concatenate([one - one.mean() for one in groups])
 
 
 def _groups(rows: Sequence[Row], value: Callable[[Row], float]) -> list[list[Row]]:
@@ -123,21 +143,15 @@ def _groups(rows: Sequence[Row], value: Callable[[Row], float]) -> list[list[Row
     return [held for held in by_variant.values() if len({value(row) for row in held}) >= LEAST]
 
 
-def _fitted(
-    key: str, label: str, groups: list[list[Row]], value: Callable[[Row], float], weight: float | None
-) -> Predicted | None:
-    values = [np.array([value(row) for row in held]) for held in groups]
-    if any((one <= 0).any() for one in values):
-        return None
+def _fitted(key: str, label: str, values: list[Doubles], times: list[Doubles], weight: float | None) -> Predicted:
     logs = [np.log(one) for one in values]
-    times = [np.array([-np.log(_speed(row) or 1.0) for row in held]) for held in groups]
-    x, y = (np.concatenate([one - one.mean() for one in many]) for many in (logs, times))
+    x, y = _centred(logs), _centred(times)
     explained, exponent, off_by = _line(x, y)
     everything, every_time = np.concatenate(logs), np.concatenate(times)
     across = _line(everything - everything.mean(), every_time - every_time.mean())
     points = [(float(a), float(b)) for a, b in zip(np.exp(x), np.exp(y), strict=True)]
     return Predicted(
-        key, label, len(x), len(groups), explained, exponent, off_by, weight, (across[0], across[2]), points
+        key, label, len(x), len(values), explained, exponent, off_by, weight, (across[0], across[2]), points
     )
 
 

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -41,20 +41,27 @@ def submit(service: Service, traversal: str = "bvh-stack") -> int:
     return int(job["id"])
 
 
+def gated(
+    service: Service, running: threading.Event, go_on: threading.Event
+) -> Callable[[Claim, AsyncSay], Awaitable[dict[str, Any]]]:
+    """What measures a slice: it says that it is `running`, and gives its measurement once told to `go_on`."""
+
+    async def run_slice(held: Claim, say: AsyncSay) -> dict[str, Any]:
+        running.set()
+        await asyncio.to_thread(go_on.wait)
+        return await service.bench.run_slice(held, say)
+
+    return run_slice
+
+
 def test_it_is_waited_for_and_nothing_is_lost(
     own_cluster: PostgresCluster, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO, "rayfarm")
     running, go_on = threading.Event(), threading.Event()
     with own_cluster.database() as url, running_service(tmp_path, url) as service:
-
-        async def run_slice(held: Claim, say: AsyncSay) -> dict[str, Any]:
-            running.set()
-            await asyncio.to_thread(go_on.wait)
-            return await service.bench.run_slice(held, say)
-
         jobs = [submit(service, traversal) for traversal in TRAVERSALS]
-        with service.working(run_slice) as worker:
+        with service.working(gated(service, running, go_on)) as worker:
             assert running.wait(20)
             own_cluster.stop()
             assert_unavailable(service)
@@ -100,14 +107,8 @@ def test_what_was_taken_and_not_begun_is_put_back(own_cluster: PostgresCluster, 
     """The queue's answer to a taking can be lost with the connection: it counts a slice as taken that nobody has."""
     running, go_on = threading.Event(), threading.Event()
     with own_cluster.database() as url, running_service(tmp_path, url) as service:
-
-        async def run_slice(held: Claim, say: AsyncSay) -> dict[str, Any]:
-            running.set()
-            await asyncio.to_thread(go_on.wait)
-            return await service.bench.run_slice(held, say)
-
         first = service.post("jobs", scene="cornell-box", frames=1)["id"]
-        with service.working(run_slice) as worker:
+        with service.working(gated(service, running, go_on)) as worker:
             assert running.wait(20)
             second = service.post("jobs", scene="forest", frames=1)["id"]
             taken = (
