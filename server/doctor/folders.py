@@ -51,7 +51,7 @@ def _written() -> Iterator[tuple[str, str, Path]]:
     blobs = settings().blobs
     if not blobs.startswith(S3):
         yield "pictures and profiles", "RAYFARM_BLOBS", Path(blobs).expanduser()
-    yield "structures", "RAYFARM_CACHE", cache_folder("structures")
+    yield "built trees", "RAYFARM_CACHE", cache_folder("trees")
     yield "locks", "RAYFARM_LOCKS", lock_folder()
     yield "compiled functions", "NUMBA_CACHE_DIR", _compiled()
 
