@@ -48,7 +48,7 @@ def matrix() -> list[tuple[Request, str]]:
 
 
 def document(request: Request, device: str, size: tuple[int, int], version: str, draw: random.Random) -> Json:
-    """A result in DESIGN.md's form with all raw frames, as `renderer.bench.combine` writes it."""
+    """A result with all raw frames, as `renderer.bench.combine` writes it."""
     rays = {"primary": size[0] * size[1], "shadow": int(size[0] * size[1] * 0.8)}
     frames = [draw.lognormvariate(3.0, 0.1) for _ in range(FRAMES)]
     middle = sorted(frames)

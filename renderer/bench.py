@@ -54,7 +54,7 @@ def run_jobs(
 
 
 def combine(request: Request, measurements: list[dict[str, Any]]) -> Result:
-    """The result of a job, in the form that DESIGN.md gives, from the measurements of all its rounds."""
+    """The result of a job, in the form that every host's results have, from the measurements of all its rounds."""
     if request.gpus:
         return result_of(request, measurements[0])
     first = min(measurements, key=lambda measurement: int(measurement["round"]))

@@ -1,4 +1,4 @@
-"""What a host offers: the twin and the phone's agent both run plans, and nothing else (DESIGN.md)."""
+"""What a host offers: the twin and the phone's agent both run plans, and nothing else."""
 
 from __future__ import annotations
 

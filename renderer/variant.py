@@ -88,7 +88,7 @@ PAPER: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Variant:
-    """One value on each axis (DESIGN.md, Vocabulary)."""
+    """One value on each axis."""
 
     traversal: str = "bvh-stack"
     method: str = "fragment"

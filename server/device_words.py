@@ -74,7 +74,7 @@ def _cores(facts: Json) -> str:
 
 
 def _blocks(limits: Json) -> str:
-    """The limit that decides on methods (DESIGN.md), by stage."""
+    """The limit that decides on methods, by stage."""
     stages = {stage: limits.get(f"{stage.upper()}_SHADER_STORAGE_BLOCKS") for stage in ("compute", "fragment")}
     return ", ".join(f"{count} {stage}" for stage, count in stages.items() if count is not None)
 

@@ -9,7 +9,7 @@ uint hit_slot;     // where the hit triangle lies in the primitive buffer
 uint hit_id;       // which triangle of the scene it is; NO_PRIMITIVE for a miss
 bool trace_stuck = false;  // a walk was ended because it did not get on; its pixel counts as cut
 
-// The closest hit is the smallest t, then the smallest id (DESIGN.md, Accuracy).
+// The closest hit is the smallest t, then the smallest id (ARCHITECTURE.md).
 void take_hit(bool inside, float t, uint slot, uint id) {
     bool nearer = inside && (t < hit_t || (t == hit_t && id < hit_id));
     hit_t = nearer ? t : hit_t;

@@ -1,4 +1,4 @@
-"""A compiled variant as a result, in the form that DESIGN.md gives: nothing of it was measured."""
+"""A compiled variant as a result, in the form of `renderer.bench`: nothing of it was measured."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A result's fields for its page, grouped as DESIGN.md names them, and a profile's metrics."""
+"""A result's fields for its page, grouped, and a profile's metrics."""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ class AgentHost:
         return Timed(self._times(record), compile_s, _image(record, plan), samples)
 
     def _times(self, record: AgentRecord) -> Frames:
-        """Wall times, and the processor's where it is the GPU: its GL timers do not tell its work (DESIGN.md)."""
+        """Wall times, and the processor's where it is the GPU: its GL timers do not (docs/method.md, Time)."""
         wall = [frame.wall / 1e9 for frame in record.frames]
         if "llvmpipe" in plain(record.device.get("gl_renderer", "")):
             cpu = [(frame.cpu or 0) / 1e9 for frame in record.frames]

@@ -1,7 +1,7 @@
 """A device's health: a known scene judged ray by ray, and how exactly it computes (`python -m server.devices.health`).
 
 It passes when the referee finds no false hit, false miss, wrong primitive or wrong shadow beyond what float32 cannot
-tell (DESIGN.md, Accuracy), and when its arithmetic keeps to GLSL ES 3.10, section 4.7.1. Whether its records are the
+tell (docs/method.md, Error), and when its arithmetic keeps to GLSL ES 3.10, section 4.7.1. Whether its records are the
 twin's, bit for bit, is told and decides nothing: a GPU may contract and reorder.
 """
 

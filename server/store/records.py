@@ -38,7 +38,7 @@ def add_jobs(
 ) -> list[Slice]:
     """Add jobs and return their slices in the order in which they should run: all jobs' first rounds, then the second.
 
-    A study's configurations are interleaved in rounds, so that drift hits all alike (DESIGN.md, Timing).
+    A study's configurations are interleaved in rounds, so that drift hits all alike (docs/method.md, Time).
     """
     jobs = [_add_job(session, order, priority, study_id) for order in orders]
     rounds = max((order.request.rounds for order in orders), default=0)

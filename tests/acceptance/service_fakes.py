@@ -54,13 +54,13 @@ class FakeBench:
         return {"round": held.round, "speed": SPEEDS[traversal]}
 
     def combine(self, request: Request, measurements: list[dict[str, Any]]) -> dict[str, Any]:
-        """A document in DESIGN.md's form whose speed is the traversal's in SPEEDS."""
+        """A result whose speed is the traversal's in SPEEDS."""
         speed = sum(m["speed"] for m in measurements) / len(measurements)
         return document(request, speed, self.device)
 
 
 def document(request: Request, speed: float, device: str = "llvmpipe") -> dict[str, Any]:
-    """A result as DESIGN.md names it; `speed` in Mray/s, 20 ms a frame with 10 % to either side."""
+    """A result; `speed` in Mray/s, 20 ms a frame with 10 % to either side."""
     hybrid = request.variant.method == "hybrid"
     return {
         "scene": request.scene,

@@ -27,7 +27,7 @@ RESULT = {
     *("rays_timed", "rays", "structure_bytes", "primitive_bytes", "build_ms", "per_ray", "overflows", "error"),
     *("vs_embree", "specialised", "versions", "started_at"),
 }
-"""One result's names, as DESIGN.md lists them."""
+"""One result's names."""
 
 PARTS = {
     "device": {"id", "kind", "name", "driver"},

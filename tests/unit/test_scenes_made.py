@@ -15,6 +15,8 @@ from scenes.normals import smooth_normals
 from scenes.procedural import forest, statue
 from scenes.scene import SceneError
 
+MADE = [one for one in catalogue.ENTRIES.values() if one.made is not None]
+
 
 @pytest.mark.parametrize("count", [4_000, 20_001, 174_000, 400_000])
 def test_forest_has_the_count_that_was_asked(count: int) -> None:
@@ -29,7 +31,7 @@ def test_forest_is_called_a_stand_in_wherever_it_is_described() -> None:
         assert "procedural stand-in for Fairy Forest" in text
 
 
-@pytest.mark.parametrize("name", ["cornell-box", "forest", "forest:30000", "cornell-statue", "cornell-statue:7000"])
+@pytest.mark.parametrize("name", [*(one.name for one in MADE), *(f"{one.name}:7000" for one in MADE if one.sized)])
 def test_made_scenes_are_the_same_twice(name: str) -> None:
     assert load(name).key == load(name).key
 
@@ -81,7 +83,7 @@ def test_list_without_any_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
     monkeypatch.setenv("RAYFARM_SCENES", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     rows = catalogue.list_scenes()
-    assert [row["name"] for row in rows if row["here"]] == ["cornell-box", "cornell-statue", "forest"]
+    assert [row["name"] for row in rows if row["here"]] == [one.name for one in MADE]
     assert all(row["licence"] and row["source"] and row["get"] for row in rows)
     assert json.loads(json.dumps(rows)) == rows
 
