@@ -95,12 +95,14 @@ class Farm:
 
 
 @contextmanager
-def farming(adb: AdbServer, phones: tuple[StandInPhone, ...], folder: Path) -> Iterator[Farm]:
+def farming(
+    adb: AdbServer, phones: tuple[StandInPhone, ...], folder: Path, slice_timeout_s: float = SLICE_TIMEOUT_S
+) -> Iterator[Farm]:
     """A farm whose phones are attached and ready; everything on them and under it has ended with the block."""
     settings = {
         "RAYFARM_PHONES": "on",
         "RAYFARM_DATABASE_URL": f"sqlite:///{folder / 'farm.sqlite'}",
-        "RAYFARM_SLICE_TIMEOUT_S": str(SLICE_TIMEOUT_S),
+        "RAYFARM_SLICE_TIMEOUT_S": str(slice_timeout_s),
         "RAYFARM_WORKER_HOST": "farm",
     }
     command = [sys.executable, "-m", "server.cli.app", "serve", "--port", "0", "--json"]

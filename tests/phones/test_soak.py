@@ -28,6 +28,8 @@ from server.store.states import OPEN
 PER_MINUTE = 10
 """The least that must be measured: 600 jobs an hour."""
 OPEN_PER_DEVICE = 2
+SLICE_TIMEOUT_S = 300.0
+"""None is to reach it, however busy the machine is."""
 SAMPLE_S = 10.0
 TRAVERSALS = ("bvh-stack", "kd-backtrack", "bvh-parent-link", "kd-push-down", "bvh-restart-trail")
 GROWTH, GROWTH_MB = 1.1, 8.0
@@ -51,7 +53,7 @@ def farm(adb: AdbServer, tmp_path: Path) -> Iterator[Farm]:
     with (
         started(StandInPhone(tmp_path / "a")) as one,
         started(StandInPhone(tmp_path / "b")) as other,
-        farming(adb, (one, other), tmp_path) as farm,
+        farming(adb, (one, other), tmp_path, SLICE_TIMEOUT_S) as farm,
     ):
         yield farm
 
@@ -66,9 +68,10 @@ def test_an_hour_of_jobs_leaves_nothing_behind(farm: Farm, request: pytest.Fixtu
     samples: dict[str, list[Sample]] = {name: [] for name in before}
     submitted = soak(farm, devices, minutes, samples)
     wait_until_done(farm, submitted)
-    states = Counter(farm.get(f"jobs/{number}")["state"] for number in submitted)
+    ended = [farm.get(f"jobs/{number}") for number in submitted]
+    states = Counter(job["state"] for job in ended)
     report(samples, before, states, minutes)
-    assert states == {"done": len(submitted)}
+    assert states == {"done": len(submitted)}, Counter(job["reason"] for job in ended)
     assert len(submitted) >= PER_MINUTE * minutes
     wait_until(lambda: standing(farm).keys() == before.keys(), SOON_S)
     after = standing(farm)
@@ -115,7 +118,7 @@ def is_open(job: Json) -> bool:
 
 def wait_until_done(farm: Farm, numbers: Sequence[int]) -> None:
     for number in numbers:
-        wait_until(lambda number=number: not is_open(farm.get(f"jobs/{number}")), 2 * SOON_S)  # type: ignore[misc]
+        wait_until(lambda number=number: not is_open(farm.get(f"jobs/{number}")), SLICE_TIMEOUT_S)  # type: ignore[misc]
 
 
 def standing(farm: Farm) -> dict[str, Sample]:
