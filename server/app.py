@@ -31,6 +31,7 @@ from server.api import schema
 from server.api import studies as api_studies
 from server.api import trace as api_trace
 from server.api.idempotency import forget_submissions
+from server.api.intake import Intake
 from server.api.state import database_of
 from server.dashboard import pages
 from server.guard import Guard
@@ -60,11 +61,13 @@ def create_app(settings: Settings) -> FastAPI:
         app.state.database = Database(settings.database_url)
         app.state.durable = Durable(app.state.database)
         app.state.feed = Feed(app.state.database)
+        app.state.intake = Intake(app.state.database, app.state.durable)
         try:
             with caring(app.state.database, app.state.durable, settings.lease_s, partial(tidy_up, app.state.database)):
                 yield
         finally:
             await app.state.feed.close()
+            await app.state.intake.close()
             app.state.durable.close()
             app.state.database.close()
 

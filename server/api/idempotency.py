@@ -43,10 +43,11 @@ class Submission:
     owner: str = ""
 
     @property
-    def kept_as(self) -> str:
-        """The key as it is stored: every token has keys of its own."""
-        assert self.key is not None
-        return hashlib.sha256(f"{self.owner} {self.key}".encode()).hexdigest() if self.owner else self.key
+    def kept_as(self) -> str | None:
+        """The key as it is stored, if any: every token has keys of its own."""
+        if self.key is None or not self.owner:
+            return self.key
+        return hashlib.sha256(f"{self.owner} {self.key}".encode()).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -96,13 +97,17 @@ def answer_once(database: Database, submission: Submission, create: Callable[[Se
             if stored is not None:
                 forget_submissions(session)
             answer = create(session)
-            if submission.key is not None:
-                _keep(session, submission, answer)
+            keep(session, submission, answer)
     except IntegrityError:
         earlier = earlier_answer(database, submission)
         if earlier is None:
             raise
         return earlier
+    return log_accepted(answer, submission)
+
+
+def log_accepted(answer: Answer, submission: Submission) -> JSONResponse:
+    """The response to a submission that was accepted just now, which is logged."""
     kind, number = answer.location.rsplit("/", 2)[1:]
     log.info("%s accepted", kind, extra=facts(**{NAMES[kind]: int(number)}, token=submission.owner or None))
     return answer.response()
@@ -124,6 +129,8 @@ def forget_submissions(session: Session) -> None:
     session.execute(delete(Submitted).where(Submitted.created_at < now() - KEPT))
 
 
-def _keep(session: Session, submission: Submission, answer: Answer) -> None:
-    kept = {"status": answer.status, "location": answer.location, "body": answer.body}
-    session.add(Submitted(key=submission.kept_as, digest=submission.digest, **kept))
+def keep(session: Session, submission: Submission, answer: Answer) -> None:
+    """Keep the answer to a submission that came with a key."""
+    if submission.key is not None:
+        kept = {"status": answer.status, "location": answer.location, "body": answer.body}
+        session.add(Submitted(key=submission.kept_as, digest=submission.digest, **kept))

@@ -6,17 +6,16 @@ import logging
 from typing import Any
 
 from fastapi import APIRouter, Query, Request, Response
-from sqlalchemy.orm import Session
 
 from server.api.bodies import JobBody
-from server.api.idempotency import Answer, SubmissionOf, answer_once
+from server.api.idempotency import SubmissionOf
+from server.api.intake import Sent, intake_of
 from server.api.state import database_of, durable_of
 from server.api.views import MAX_ID, find_job, job_line, job_lines, job_view
 from server.logs import facts
 from server.problems import Problem
-from server.queue.dispatch import submit
 from server.queue.ledger import end_job
-from server.scene_list import list_scenes, require_scene
+from server.scene_list import list_scenes
 from server.store.models import Job
 from server.store.records import Order
 from server.store.states import OPEN, State
@@ -27,17 +26,10 @@ router = APIRouter(prefix="/api/v1")
 
 
 @router.post("/jobs", status_code=201)
-def create_job(body: JobBody, request: Request, submission: SubmissionOf) -> Response:
+async def create_job(body: JobBody, request: Request, submission: SubmissionOf) -> Response:
     """Queue one variant on one scene."""
-    database = database_of(request)
-    asked = body.to_request()
-
-    def create(session: Session) -> Answer:
-        require_scene(asked.scene)
-        [job] = submit(session, durable_of(request), [Order(asked, body.device)], body.priority)
-        return Answer(job_view(job), f"/api/v1/jobs/{job.id}")
-
-    return answer_once(database, submission, create)
+    order = Order(body.to_request(), body.device, body.priority)
+    return await intake_of(request).take(Sent(submission, order))
 
 
 @router.get("/jobs")

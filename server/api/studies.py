@@ -56,11 +56,11 @@ def create_study(body: StudyBody, request: Request, submission: SubmissionOf) ->
     study_asked = body.to_study()
     planned = plan_study(study_asked, require_scene, is_here)
     posted = body.model_dump(mode="json", exclude_none=True)
-    orders = [Order(asked, device) for asked in planned.requests for device in study_asked.devices]
+    orders = [Order(asked, device, body.priority) for asked in planned.requests for device in study_asked.devices]
 
     def create(session: Session) -> Answer:
         study = add_study(session, body.name, posted, planned.refused)
-        submit(session, durable_of(request), orders, body.priority, study.id)
+        submit(session, durable_of(request), orders, study.id)
         return Answer(study_view(session, study), f"/api/v1/studies/{study.id}")
 
     return answer_once(database, submission, create)

@@ -19,13 +19,11 @@ Target = tuple[str, str | None]
 """A queue and a partition of it."""
 
 
-def submit(
-    session: Session, durable: Durable, orders: Sequence[Order], priority: int, study_id: int | None = None
-) -> list[Job]:
+def submit(session: Session, durable: Durable, orders: Sequence[Order], study_id: int | None = None) -> list[Job]:
     """Add jobs and enqueue their slices, in the session's transaction; raise DeviceError for one not known."""
     for device in sorted({order.device for order in orders}):
         require_device(session, device)
-    slices = add_jobs(session, orders, priority=priority, study_id=study_id)
+    slices = add_jobs(session, orders, study_id=study_id)
     put_slices(session, durable, slices)
     return list(dict.fromkeys(part.job for part in slices))
 

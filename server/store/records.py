@@ -19,10 +19,11 @@ from server.store.states import State
 
 @dataclass(frozen=True)
 class Order:
-    """What is asked for, and of which device."""
+    """What is asked for, of which device, and how urgently."""
 
     request: Request
     device: str = LLVMPIPE
+    priority: int = NORMAL_PRIORITY
 
 
 def add_study(session: Session, name: str, body: dict[str, Any], refused: list[dict[str, Any]]) -> Study:
@@ -33,14 +34,12 @@ def add_study(session: Session, name: str, body: dict[str, Any], refused: list[d
     return study
 
 
-def add_jobs(
-    session: Session, orders: Sequence[Order], *, priority: int = NORMAL_PRIORITY, study_id: int | None = None
-) -> list[Slice]:
+def add_jobs(session: Session, orders: Sequence[Order], *, study_id: int | None = None) -> list[Slice]:
     """Add jobs and return their slices in the order in which they should run: all jobs' first rounds, then the second.
 
     A study's configurations are interleaved in rounds, so that drift hits all alike (docs/method.md, Time).
     """
-    jobs = [_add_job(session, order, priority, study_id) for order in orders]
+    jobs = [_add_job(session, order, study_id) for order in orders]
     rounds = max((order.request.rounds for order in orders), default=0)
     slices = [
         Slice(job=job, round=index)
@@ -100,14 +99,14 @@ def without_nan(value: Any) -> Any:
     return value
 
 
-def _add_job(session: Session, order: Order, priority: int, study_id: int | None) -> Job:
+def _add_job(session: Session, order: Order, study_id: int | None) -> Job:
     job = Job(
         study_id=study_id,
         scene=order.request.scene,
         label=order.request.variant.label,
         request=order.request.to_json(),
         device=order.device,
-        priority=priority,
+        priority=order.priority,
         created_at=now(),
         result=None,
     )
