@@ -20,10 +20,10 @@ from statistics import median
 
 import numpy as np
 
+from renderer.answering import silent
 from renderer.build.cache import Kind
 from renderer.build.make import build_uncached, compile_builder
 from renderer.build.tree import Builder, Floats, SahCosts
-from renderer.child import silent
 from renderer.kept_twins import KeptTwins
 from renderer.pilot import Pilot
 from renderer.request import Request

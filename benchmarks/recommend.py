@@ -12,7 +12,7 @@ import random
 import sys
 from dataclasses import dataclass
 
-from renderer.child import silent
+from renderer.answering import silent
 from renderer.interval import median
 from renderer.kept_twins import KeptTwins
 from renderer.paired import paired_ratio

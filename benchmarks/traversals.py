@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
+from renderer.answering import silent
 from renderer.build.tree import SahCosts
-from renderer.child import silent
 from renderer.instrumented import records_of
 from renderer.kept_twins import KeptTwins
 from renderer.oracle import Oracle

@@ -1,8 +1,6 @@
-"""Work in a fresh child process: both ends of it. Between them stands `renderer.leash`, which ends the child in time.
+"""Work in a fresh child process: the parent's end of it; `renderer.answering` is the child's.
 
-The task goes down as one line of JSON on standard input. Up come lines of JSON on standard output: `{"phase": P}` as
-the work goes on, `{"note": TEXT}` for who watches it, and last `{"answer": A}`, or
-`{"error": SENTENCE, "gone": whether the device went away}`.
+Between them stands `renderer.leash`, which ends the child in time.
 """
 
 from __future__ import annotations
@@ -13,24 +11,11 @@ import os
 import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
-from typing import Any
 
-from renderer.build.errors import BuildError
+from renderer.answering import Json, Say, silent
 from renderer.host import DeviceGoneError
-from renderer.pack.nodes import PackError
-from renderer.phone_compile.errors import CompileError
-from renderer.plan import PlanError
-from renderer.process import end_with_parent
-from renderer.request import RequestError
-from scenes.scene import SceneError
 
-Json = dict[str, Any]
-Say = Callable[[str], None]
-"""Told each phase of the work."""
 AsyncSay = Callable[[str], Awaitable[None]]
-
-SPOKEN = (SceneError, BuildError, PackError, PlanError, RequestError, CompileError)
-"""Errors whose message is a sentence for the user."""
 
 LEASE_S = 60.0
 """A child ends when its parent gave no sign of life for this long."""
@@ -39,15 +24,6 @@ MAX_LINE = 256 << 20
 
 class ChildError(RuntimeError):
     """A child that gave no answer; the message is one sentence."""
-
-
-def silent(_phase: str) -> None:
-    """Say nothing."""
-
-
-def tell_note(text: str) -> None:
-    """In a child: tell the parent what is done just now, in words for a user."""
-    _print({"note": text})
 
 
 def run_child(module: str, task: Json, threads: int, timeout_s: float, say: Say = silent, note: Say = silent) -> Json:
@@ -97,20 +73,6 @@ async def run_child_async(
             return await _follow(leash.stdout, say, note)
         finally:
             pulse.cancel()
-
-
-def answer_task(work: Callable[[Json, Say], Json]) -> None:
-    """The child's end: read one task, work on it, print the answer or the spoken error."""
-    order = json.loads(sys.stdin.readline())
-    end_with_parent(order["parent"])
-    last: Json
-    try:
-        last = {"answer": work(order["task"], lambda phase: _print({"phase": phase}))}
-    except SPOKEN as error:
-        last = {"error": str(error), "gone": False}
-    except DeviceGoneError as error:
-        last = {"error": str(error), "gone": True}
-    _print(last)
 
 
 @asynccontextmanager
@@ -168,7 +130,3 @@ def _read(line: bytes) -> Json:
         return {}
     known = isinstance(message, dict) and message.keys() & {"phase", "note", "answer", "error"}
     return message if known else {}
-
-
-def _print(message: Json) -> None:
-    print(json.dumps(message), flush=True)

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from renderer.child import Json, Say, answer_task, run_child
+from renderer.answering import Json, Say, answer_task
+from renderer.child import run_child
 from renderer.counts import METRICS, Counts, count_pixels
 from renderer.instrumented import records_of
 from renderer.locks import holding, machine_lock

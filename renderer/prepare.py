@@ -7,6 +7,7 @@ from typing import cast
 
 from renderer.build.api import build
 from renderer.build.tree import Builder, Bvh, SahCosts, Tree
+from renderer.kept_packed import kept_packed
 from renderer.pack.api import Packed, pack
 from renderer.plan import Plan
 from renderer.planner import Reads, make_plan
@@ -37,7 +38,7 @@ class Prepared:
         """A BVH of whole triangles for the referee to walk, whatever the request's own structure is."""
         if isinstance(self.tree, Bvh) and len(self.tree.order) == len(self.scene.faces):
             return self.tree
-        tree, _ = build(self.scene.key, self.scene.triangles, "bvh", "sah", SahCosts())
+        tree, _ = build(self.scene.key, lambda: self.scene.triangles, "bvh", "sah", SahCosts())
         assert isinstance(tree, Bvh)
         return tree
 
@@ -56,9 +57,17 @@ def prepare(request: Request, scene: Scene | None = None, built: Built | None = 
     return Prepared(request, scene, tree, build_ms, pack(scene, tree, request))
 
 
+def prepare_again(request: Request) -> Prepared:
+    """`prepare` for what other processes prepare too: what is packed is kept on disk."""
+    scene = load(request.scene)
+    tree, build_ms = build_tree(scene, request)
+    packed = kept_packed(scene, request, lambda: pack(scene, tree, request))
+    return Prepared(request, scene, tree, build_ms, packed)
+
+
 def build_tree(scene: Scene, request: Request) -> Built:
     """The request's tree, from the cache where it is there."""
     kind = request.variant.structure
     if kind == "none":
         return None, None
-    return build(scene.key, scene.triangles, kind, cast(Builder, request.variant.builder), request.costs)
+    return build(scene.key, lambda: scene.triangles, kind, cast(Builder, request.variant.builder), request.costs)

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any
 
-from renderer.child import Say, answer_task, tell_note
+from renderer.answering import Say, answer_task, tell_note
 from renderer.host import Host
 from renderer.kept_twins import KeptTwins
 from renderer.pilot import Pilot, figures_of

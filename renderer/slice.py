@@ -1,6 +1,6 @@
 """One slice: one round of one job, measured in a process of its own (`python -m renderer.slice`).
 
-`renderer.child` says how the request goes in and the measurement comes out.
+`renderer.answering` says how the request goes in and the measurement comes out.
 """
 
 from __future__ import annotations
@@ -12,14 +12,13 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.child import Say, answer_task, silent
+from renderer.answering import Say, answer_task, silent
 from renderer.counts import METRICS, Counts, count_pixels
 from renderer.host import Host
 from renderer.instrumented import records_of, refuse_cut
@@ -27,7 +26,7 @@ from renderer.locks import holding, machine_lock
 from renderer.phases import Phases, process_age_s
 from renderer.plan import VERSION, Plan
 from renderer.planner import in_passes
-from renderer.prepare import Prepared, prepare
+from renderer.prepare import Prepared, prepare, prepare_again
 from renderer.records import COUNTERS, Records
 from renderer.request import Request
 from renderer.twin_host import TwinHost
@@ -116,7 +115,7 @@ class _Ready:
 
 def _make_ready(request: Request, round_index: int, host: Host, phases: Phases) -> _Ready:
     with phases.timed("preparing"):
-        prepared = prepare(request)
+        prepared = prepare_again(request) if request.rounds > 1 else prepare(request)
     first, paced = round_index == 0, request.vs_embree and host.paces
     oracle = None
     if paced or (first and request.check != "none"):
@@ -201,6 +200,8 @@ def _frames_of(request: Request, round_index: int) -> int:
 
 
 def _facts(prepared: Prepared, plan: Plan, records: Records) -> Measurement:
+    from importlib.metadata import version
+
     from renderer.accuracy import answers_sha
 
     tree = prepared.tree

@@ -158,7 +158,7 @@ class Twin:
     def _upload(self, nbytes: int, data: npt.NDArray[np.uint32] | None) -> Any:
         if data is None:
             return self.context.buffer(reserve=max(nbytes, 16))
-        return self.context.buffer(data.tobytes() or bytes(16))
+        return self.context.buffer(np.ascontiguousarray(data) if data.size else bytes(16))
 
     def _texture(self, texture: Texture) -> Any:
         size = self.plan.size

@@ -42,16 +42,17 @@ def kept(
     made = make()
     # A cache that is full or read-only costs the next run the making, not this one its result.
     with contextlib.suppress(OSError):
-        _write(path, made, write)
+        write_whole(path, lambda file: write(file, made))
     return made
 
 
-def _write(path: Path, made: Made, write: Callable[[BinaryIO, Made], None]) -> None:
+def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
+    """Write a file that nobody sees before it is whole, and its folder where it is missing; raise OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
     try:
         with os.fdopen(handle, "wb") as file:
-            write(file, made)
+            write(file)
         os.replace(temporary, path)
     except BaseException:
         os.unlink(temporary)

@@ -9,6 +9,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from scenes.kept import cache_folder, kept, key_of
+from scenes.kept_arrays import map_arrays, write_arrays
 from scenes.mesh import Mesh
 from scenes.places import sha256
 
@@ -32,12 +33,12 @@ def kept_mesh(path: Path, digest: str | None, made_by: object, make: Callable[[]
 
 
 def _read(file: BinaryIO) -> Mesh:
-    with np.load(file, allow_pickle=False) as entry:
-        return Mesh(entry["vertices"], entry["faces"], entry.get("normals"), str(entry["note"]))
+    entry = map_arrays(file)
+    return Mesh(entry["vertices"], entry["faces"], entry.get("normals"), str(entry["note"]))
 
 
 def _write(file: BinaryIO, mesh: Mesh) -> None:
     fields: dict[str, Any] = {"vertices": mesh.vertices, "faces": mesh.faces, "note": np.array(mesh.note)}
     if mesh.normals is not None:
         fields["normals"] = mesh.normals
-    np.savez(file, **fields)
+    write_arrays(file, fields)

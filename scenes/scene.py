@@ -57,7 +57,9 @@ class Scene:
     @cached_property
     def bounds(self) -> Floats:
         """The lower and upper corner of the box around all used vertices, (2, 3) float32."""
-        corners = self.triangles.reshape(-1)
+        used = np.zeros(len(self.vertices), np.bool_)
+        used[self.faces.reshape(-1)] = True
+        corners = (self.vertices if used.all() else self.vertices[used]).reshape(-1)
         return np.stack([_each_axis(np.minimum, corners), _each_axis(np.maximum, corners)])
 
     @property
@@ -73,7 +75,7 @@ class Scene:
         for part in (self.vertices, self.faces, self.normals):
             if part is not None:
                 digest.update(str(part.shape).encode())
-                digest.update(np.ascontiguousarray(part).tobytes())
+                digest.update(np.ascontiguousarray(part).data)
         return digest.hexdigest()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import get_args
 
 import numpy as np
@@ -18,16 +19,27 @@ BUILDERS: dict[Kind, tuple[Builder, ...]] = {
 
 
 def build(
-    scene_key: str, triangles: Floats, kind: Kind, builder: Builder = "sah", costs: SahCosts | None = None
+    scene_key: str,
+    triangles: Floats | Callable[[], Floats],
+    kind: Kind,
+    builder: Builder = "sah",
+    costs: SahCosts | None = None,
 ) -> tuple[Tree, float]:
     """The structure over `triangles` (m, 3, 3) float32, and the CPU milliseconds of its build without compilation.
 
-    `scene_key` names the triangles by content (Scene.key). A KD-tree is built over padded boxes. Raises BuildError for
-    no triangles, coordinates or costs that are not finite, negative costs, and a builder that does not make that kind.
+    `scene_key` names the triangles by content (Scene.key); a function that gives them is called where nothing is kept.
+    A KD-tree is built over padded boxes. Raises BuildError for no triangles, coordinates or costs that are not finite,
+    negative costs, and a builder that does not make that kind.
     """
     costs = costs or SahCosts()
-    _check(triangles, kind, builder, costs)
-    return cached(kind, scene_key, costs, builder, lambda: _timed_build(triangles, kind, builder, costs))
+    _check(kind, builder, costs)
+
+    def make() -> tuple[Tree, float]:
+        given = triangles() if callable(triangles) else triangles
+        _check_triangles(given)
+        return _timed_build(given, kind, builder, costs)
+
+    return cached(kind, scene_key, costs, builder, make)
 
 
 def _timed_build(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts) -> tuple[Tree, float]:
@@ -40,14 +52,17 @@ def _timed_build(triangles: Floats, kind: Kind, builder: Builder, costs: SahCost
 _NAMES: dict[Kind, str] = {"bvh": "BVH", "kd": "KD-tree"}
 
 
-def _check(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts) -> None:
+def _check(kind: Kind, builder: Builder, costs: SahCosts) -> None:
     if builder not in BUILDERS[kind]:
         made = ", ".join(BUILDERS[kind])
         raise BuildError(f"{builder} does not build a {_NAMES[kind]}; take one of {made}.")
+    for name, cost in (("traversal", costs.traversal), ("intersection", costs.intersection)):
+        if not (math.isfinite(cost) and cost >= 0.0):
+            raise BuildError(f"The {name} cost is {cost}; give a finite number that is not negative.")
+
+
+def _check_triangles(triangles: Floats) -> None:
     if len(triangles) == 0:
         raise BuildError("There are no triangles to build over; give a scene that has some.")
     if not np.isfinite(triangles).all():
         raise BuildError("Some coordinates are not finite numbers; repair the mesh first.")
-    for name, cost in (("traversal", costs.traversal), ("intersection", costs.intersection)):
-        if not (math.isfinite(cost) and cost >= 0.0):
-            raise BuildError(f"The {name} cost is {cost}; give a finite number that is not negative.")

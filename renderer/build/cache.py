@@ -10,6 +10,7 @@ import numpy as np
 
 from renderer.build.tree import Bvh, Kd, SahCosts, Tree
 from scenes.kept import cache_folder, kept, key_of
+from scenes.kept_arrays import map_arrays, write_arrays
 
 Kind = Literal["bvh", "kd"]
 
@@ -34,9 +35,9 @@ def cached(
 
 def _read(kind: Kind, file: BinaryIO) -> tuple[Tree, float]:
     tree_type: type[Bvh] | type[Kd] = Bvh if kind == "bvh" else Kd
-    with np.load(file, allow_pickle=False) as entry:
-        fields: dict[str, Any] = {field.name: entry[field.name] for field in dataclasses.fields(tree_type)}
-        build_ms = float(entry["build_ms"])
+    entry = map_arrays(file)
+    fields: dict[str, Any] = {field.name: entry[field.name] for field in dataclasses.fields(tree_type)}
+    build_ms = float(entry["build_ms"])
     fields["depth"], fields["cost"] = int(fields["depth"]), float(fields["cost"])
     fields["epo"] = float(fields["epo"])
     return tree_type(**fields), build_ms
@@ -44,4 +45,5 @@ def _read(kind: Kind, file: BinaryIO) -> tuple[Tree, float]:
 
 def _write(file: BinaryIO, made: tuple[Tree, float]) -> None:
     tree, build_ms = made
-    np.savez(file, build_ms=build_ms, **vars(tree))
+    fields = {"build_ms": build_ms, **vars(tree)}
+    write_arrays(file, {name: np.asarray(value) for name, value in fields.items()})

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 from typing import Any, TextIO
 
-from renderer.child import Say, answer_task
+from renderer.answering import Say, answer_task
 from renderer.hard_cases.asking import Asker
 from renderer.hard_cases.measure import measure_cell
 from renderer.hard_cases.ready import Ready

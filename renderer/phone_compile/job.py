@@ -10,7 +10,8 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any
 
-from renderer.child import Json, Say, answer_task, run_child, silent
+from renderer.answering import Json, Say, answer_task, silent
+from renderer.child import run_child
 from renderer.host import Host
 from renderer.locks import holding, machine_lock
 from renderer.phone_compile.counted import Frame, count_frame, tracing_program

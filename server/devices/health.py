@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.accuracy import Errors, judge
-from renderer.child import Say, answer_task
+from renderer.answering import Say, answer_task
 from renderer.instrumented import records_of
 from renderer.locks import holding, machine_lock
 from renderer.plan import PlanError

@@ -1,13 +1,14 @@
 """A recommendation for a phone, in a process of its own (`python -m server.devices.phone_recommending`).
 
-The task is `{"query", "serial", "via", "deadline_s"}`; `renderer.child` says how it goes in and the answer comes out.
+The task is `{"query", "serial", "via", "deadline_s"}`; `renderer.answering` says how it goes in and the answer comes
+out.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from renderer.child import Say, answer_task
+from renderer.answering import Say, answer_task
 from renderer.recommend_query import Query
 from renderer.recommending import answer
 from server.devices.agent_host import DEADLINE_S, AgentHost

@@ -1,7 +1,7 @@
 """One slice on a phone, in a process of its own (`python -m server.devices.phone_slice`).
 
-The task is `{"request", "round", "serial", "via", "deadline_s", "pictures"}`; `renderer.child` says how it goes in and
-the measurement comes out.
+The task is `{"request", "round", "serial", "via", "deadline_s", "pictures"}`; `renderer.answering` says how it goes in
+and the measurement comes out.
 """
 
 from __future__ import annotations
@@ -9,7 +9,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from renderer.child import ChildError, Say, answer_task, run_child
+from renderer.answering import Say, answer_task
+from renderer.child import ChildError, run_child
 from renderer.host import DeviceGoneError
 from renderer.request import Request
 from renderer.slice import Measurement, measure, pictures_of

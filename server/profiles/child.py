@@ -11,7 +11,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from renderer.child import ChildError, Say, answer_task, run_child
+from renderer.answering import Say, answer_task
+from renderer.child import ChildError, run_child
 from server.profiles.errors import ProfileError
 from server.profiles.formats import AUTO
 from server.profiles.names import Series

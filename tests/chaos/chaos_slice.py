@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from renderer.child import Say, answer_task
+from renderer.answering import Say, answer_task
 
 
 def work(task: dict[str, Any], say: Say) -> dict[str, Any]:

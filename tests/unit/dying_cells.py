@@ -7,7 +7,7 @@ import signal
 import time
 from typing import Any
 
-from renderer.child import answer_task
+from renderer.answering import answer_task
 from renderer.hard_cases import child
 from renderer.hard_cases.cell import Cell
 

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from renderer.child import Say, answer_task
+from renderer.answering import Say, answer_task
 from renderer.host import DeviceGoneError
 from renderer.request import RequestError
 
