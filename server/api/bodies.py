@@ -7,11 +7,11 @@ from dataclasses import asdict
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, model_validator
 
 from renderer.build.tree import SahCosts
 from renderer.request import Check, Request, parse_size
-from renderer.variant import Variant
+from renderer.variant import AXES, Variant
 from scenes.scene import Camera
 from server.named_studies import STUDIES, require_study
 from server.store.defaults import LLVMPIPE, NORMAL_PRIORITY
@@ -91,19 +91,19 @@ def _require_here(gpus: Sequence[str], devices: Sequence[str]) -> None:
         raise ValueError(f"Compiling for GPUs takes no device: leave {other} out.")
 
 
-class JobBody(Body):
+def _axis(name: str) -> Any:
+    """A variant's axis as a field; that its values and their combination exist is `Variant`'s to say."""
+    return (str, Field(getattr(Variant, name), json_schema_extra={"enum": list(AXES[name])}))
+
+
+_FIELDS: dict[str, Any] = {"scene": (Name, ...)} | {name: _axis(name) for name in AXES}
+VariantBody = create_model("VariantBody", __base__=Body, **_FIELDS)
+"""A scene, and a value on each axis of a variant."""
+
+
+class JobBody(VariantBody):  # type: ignore[misc, valid-type]
     """One variant on one scene; the names are those of a result."""
 
-    scene: Name
-    traversal: str = Variant.traversal
-    method: str = Variant.method
-    layout: str = Variant.layout
-    intersector: str = Variant.intersector
-    box: str = Variant.box
-    nodes: str = Variant.nodes
-    precision: str = Variant.precision
-    offset: str = Variant.offset
-    builder: str = Variant.builder
     size: Size = (1024, 1024)
     frames: int = 12
     rounds: int | None = None
@@ -125,7 +125,7 @@ class JobBody(Body):
 
     def to_request(self) -> Request:
         """The request; raise RequestError with one sentence when it cannot be measured."""
-        axes = {axis: getattr(self, axis) for axis in Variant().as_dict()}
+        axes = {axis: getattr(self, axis) for axis in AXES}
         given = "frames" in self.model_fields_set
         frames = 1 if self.gpus and not given else self.frames
         return Request(

@@ -9,7 +9,7 @@ from job_documents import document_of, request_of
 
 from renderer.build.tree import SahCosts
 from renderer.request import Request
-from renderer.variant import Variant
+from renderer.variant import AXES, Variant
 from scenes.scene import Camera
 from server.api.bodies import JobBody
 from server.dashboard.headline import headline, paper_lines
@@ -141,3 +141,11 @@ def test_the_body_asks_for_the_same_again(request_: Request) -> None:
     asked = JobBody.model_validate(body)
     assert asked.to_request().to_json() == request_.to_json()
     assert (asked.device, asked.priority) == ("P1", 7)
+
+
+def test_a_body_has_every_axis_with_its_default_and_its_values() -> None:
+    properties = JobBody.model_json_schema()["properties"]
+    assert next(iter(properties)) == "scene"
+    for axis, default in Variant().as_dict().items():
+        assert properties[axis]["default"] == default
+        assert tuple(properties[axis]["enum"]) == AXES[axis]
