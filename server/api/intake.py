@@ -7,12 +7,13 @@ transaction runs at a time, and the next takes whoever came meanwhile.
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fastapi import Request, Response
 from sqlalchemy import select
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
@@ -27,6 +28,8 @@ from server.store.database import Database
 from server.store.errors import AWAY
 from server.store.models import Job, Submitted
 from server.store.records import Order
+
+log = logging.getLogger("rayfarm.api")
 
 MOST = 64
 """Jobs in one transaction: others may wait for its locks."""
@@ -84,7 +87,10 @@ class Intake:
             together = self._together(group)
         except AWAY as error:
             return [error] * len(group)
-        except SQLAlchemyError:  # One of them is wrong, or another server has its key just now.
+        except IntegrityError:  # Another server has one's key just now.
+            together = [None] * len(group)
+        except Exception:
+            log.exception("jobs that came at once could not be taken at once: each is taken by itself")
             together = [None] * len(group)
         return [self._alone(sent) if found is None else found for sent, found in zip(group, together, strict=True)]
 

@@ -12,6 +12,7 @@ import pytest
 from fastapi import Response
 from sqlalchemy import event, func, select
 from sqlalchemy.exc import OperationalError
+from sqlalchemy.orm import Session
 
 from renderer.request import Request
 from renderer.variant import Variant
@@ -160,6 +161,23 @@ def test_a_key_that_another_server_takes_meanwhile_holds_up_nobody_else(
         assert stored(database) == (3, 3)
         durable.close()
         database.close()
+
+
+def test_what_nobody_expected_is_each_ones_own(
+    database: Database, durable: Durable, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    real = durable.put
+
+    def put(session: Session, slice_id: int, queue: str, partition: str | None, priority: int, delay_s: float) -> str:
+        if priority == 13:
+            raise RuntimeError("unlucky")
+        return real(session, slice_id, queue, partition, priority, delay_s)
+
+    monkeypatch.setattr(durable, "put", put)
+    answers = take(database, durable, *(sent(f"k{number}", priority=number) for number in range(12, 16)))
+    assert [isinstance(answer, RuntimeError) for answer in answers] == [False, True, False, False]
+    assert stored(database) == (3, 3)
+    assert "could not be taken at once" in caplog.text
 
 
 def test_it_ends_when_all_are_answered(database: Database, durable: Durable) -> None:
