@@ -54,7 +54,9 @@ class Body(BaseModel):
 
 
 class CostsBody(Body):
-    """The SAH's two costs."""
+    """The SAH's two costs; frozen, so that as a default it need not be copied for every body."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
     traversal: float = 3.0
     intersection: float = 1.5
