@@ -1,4 +1,4 @@
-"""The BVH from the top down: a full SAH sweep, a faster one that bins large nodes, or a centroid median split."""
+"""The BVH from the top down: a full SAH sweep, a faster one that cuts large nodes between bins, or median splits."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.binned import SMALL, binned_split, sort_range
+from renderer.build.bounded import bounded_split
 from renderer.build.grow import resized
 from renderer.build.parallel import each
 from renderer.build.radix import sort_keys, stable_order
 from renderer.build.refit import depth_of, fit_boxes, sah_cost
+from renderer.build.sorted_range import sort_range
 from renderer.build.spatial import normalised, spatial_order
-from renderer.build.sweep import MEDIAN_LEAF, NO_SPLIT, Rules, median_split, sah_split
+from renderer.build.sweep import MEDIAN_LEAF, NO_SPLIT, Rules, median_split, pair_split, sah_split
 from renderer.build.tree import MAX_BVH_LEAF, MAX_DEPTH, Bvh, Bytes, Floats, Ints, SahCosts
 from renderer.jit import jit
 
@@ -23,6 +24,9 @@ BvhMethod = Literal["sah", "median", "binned"]
 
 TASK = 1 << 15
 """Nodes of at most so many triangles are a task of their own."""
+
+SMALL = 2048
+"""Nodes of at most so many triangles are swept in sorted lists."""
 
 
 class Work(NamedTuple):
@@ -50,16 +54,16 @@ def build_bvh(boxes: Floats, costs: SahCosts, method: BvhMethod = "sah", max_dep
     """The BVH over m >= 1 triangle bounds, (m, 2, 3) float32, finite.
 
     "sah" cuts each node where the surface area heuristic is least over all cuts of the centroids' order on three
-    axes, and makes a leaf where that costs no more; "binned" does so in small nodes, and cuts larger ones between bins
-    along their longest axis. "median" cuts the longest axis in the middle down to leaves of 4, and so do the others
-    where their splits could lead below `max_depth`. That bound holds for up to 2**max_depth triangles. Lists are
-    sorted once and partitioned stably, so equal input gives equal bytes. Raises ValueError for no triangles.
+    axes, and makes a leaf where that costs no more; "binned" does so in small nodes, and cuts larger ones at the best
+    border between bins. "median" cuts the longest axis in the middle down to leaves of 4, and so do the others
+    where their splits could lead below `max_depth`. That bound holds for up to 2**max_depth triangles. What is moved
+    keeps its order, so equal input gives equal bytes. Raises ValueError for no triangles.
     """
     if len(boxes) == 0:
         raise ValueError("A tree needs at least one triangle; give a scene that has some.")
-    work = _binned_work(boxes) if method == "binned" else _sorted_work(boxes)
-    rules = Rules(method != "median", min(max_depth, MAX_DEPTH), costs.traversal, costs.intersection)
-    first = split_range(*work, 0, len(boxes), 0, int(method != "binned"), rules, TASK)
+    work = _sorted_work(boxes) if method == "median" else _binned_work(boxes)
+    rules = Rules(method != "median", min(max_depth, MAX_DEPTH), costs.traversal, costs.intersection, method == "sah")
+    first = split_range(*work, 0, len(boxes), 0, int(method == "median"), rules, TASK)
     cells: list[list[int]] = first[4].tolist()
     tasks = [
         partial(split_range, *work, begin, end, depth, in_order, rules, 0) for _, begin, end, depth, in_order in cells
@@ -147,7 +151,7 @@ def split_range(
     most = 2 * (last - first) - 1
     child, count = np.zeros(most, np.int32), np.zeros(most, np.int32)
     axis, parent = np.zeros(most, np.uint8), np.zeros(most, np.int32)
-    moved = np.empty(last - first, np.uint32)
+    moved, moved_boxes = np.empty(last - first, np.uint32), np.empty(((last - first) * (1 - is_sorted), 6), np.float32)
     waiting, cells = np.zeros((MAX_DEPTH + 2, 3), np.int64), np.zeros((most if stop > 0 else 0, 5), np.int64)
     child[0], count[0], parent[0] = first, last - first, -1
     waiting[0, 1], waiting[0, 2] = level, is_sorted
@@ -164,13 +168,19 @@ def split_range(
         if not in_order and (end - begin <= SMALL or depth + 1 + _levels(end - begin - 1) > rules.max_depth):
             sort_range(boxes, lists, begin, end)
             in_order = 1
-        chosen, cut = NO_SPLIT, begin
+        if end - begin == 1:
+            continue
+        chosen, cut = NO_SPLIT, begin + 1
         if not in_order:
-            chosen, cut = binned_split(boxes, ids, begin, end)
-        if chosen == NO_SPLIT:
-            if not in_order:
+            chosen, cut = bounded_split(boxes, ids, moved_boxes, moved, begin, end, rules)
+            if chosen == NO_SPLIT:
                 sort_range(boxes, lists, begin, end)
                 in_order = 1
+        elif end - begin == 2 and rules.use_sah and depth < rules.max_depth:
+            chosen = pair_split(boxes, lists, begin, rules)
+            if chosen == NO_SPLIT:
+                continue
+        if chosen == NO_SPLIT:
             chosen, cut = _choose(boxes, lists, areas, begin, end, depth, rules)
             if chosen == NO_SPLIT:
                 continue
