@@ -3,17 +3,18 @@
 Without a scene the catalogue's Sponza, Conference and Buddha are measured. A build starts from the triangles, as
 embreex's mesh object does: bounds, and padding for the KD-tree, are in it; compilation is not. Prints tables in
 Markdown: CPU seconds with one thread, their ratio to embreex's mesh and commit, wall seconds with one thread and with
-two, and what the trees are worth.
+two, what the trees are worth, and for each triangle the entries in leaves and the bytes by which resident memory grew
+at most while the tree was built.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import resource
 import time
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -66,6 +67,19 @@ def one_round(scene: Scene, names: list[str], costs: SahCosts) -> tuple[Round, d
     return found, trees
 
 
+def peak(task: Callable[[], Any]) -> int:
+    """The bytes of resident memory that `task` takes at most beyond what is held before it (Linux, proc(5))."""
+    Path("/proc/self/clear_refs").write_text("5")
+    before = _status("VmRSS")
+    task()
+    return _status("VmHWM") - before
+
+
+def _status(name: str) -> int:
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{name}:"))
+
+
 def spread(values: list[float]) -> str:
     return f"{median(values):.2f} ({min(values):.2f}-{max(values):.2f})"
 
@@ -77,9 +91,10 @@ def row(name: str, runs: list[Round], scene: Scene, tree: Tree, costs: SahCosts)
     wall = [median(run[name, threads][1] for run in runs) for threads in THREADS]
     overlap = f"{epo(tree, scene.triangles, costs):.2f}" if isinstance(tree, Bvh) else "0"
     held = len(tree.order) if isinstance(tree, Bvh) else len(tree.refs)
+    grown = peak(partial(build_uncached, scene.triangles, *BUILDS[name], costs))
     return (
         f"| `{name}` | {spread(cpu)} | {spread(ratio)} | {wall[0]:.2f} | {wall[1]:.2f} | {spread(faster)} |"
-        f" {tree.cost:.1f} | {overlap} | {held / len(scene.triangles):.2f} |"
+        f" {tree.cost:.1f} | {overlap} | {held / len(scene.triangles):.2f} | {grown / len(scene.triangles):.0f} |"
     )
 
 
@@ -92,8 +107,8 @@ def report(name: str, builders: list[str], costs: SahCosts, rounds: int) -> None
         f"\n{name}, {len(scene.triangles):,} triangles, costs ({costs.traversal:g}, {costs.intersection:g}), ", end=""
     )
     print(f"{rounds} rounds; embreex mesh and commit: {spread([cpu for cpu, _ in base])} CPU-s\n")
-    print("| builder | CPU-s | of embreex | wall 1 | wall 2 | 1 over 2 | SAH | EPO | entries a triangle |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    print("| builder | CPU-s | of embreex | wall 1 | wall 2 | 1 over 2 | SAH | EPO | entries | peak bytes |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
     for builder in builders:
         print(row(builder, runs, scene, trees[builder], costs), flush=True)
 
@@ -112,7 +127,6 @@ def main() -> None:
         compile_builder(*BUILDS[name])
     for scene in options.scenes:
         report(scene, builders, COSTS[options.costs], max(1, options.rounds))
-    print(f"\npeak memory of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024} MiB")
 
 
 if __name__ == "__main__":

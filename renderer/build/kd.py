@@ -14,6 +14,7 @@ from renderer.build.kd_clip import Shapes, unclipped
 from renderer.build.kd_events import TRIANGLES, Lists, Spans, classify, root_lists, split_lists, with_room
 from renderer.build.kd_nodes import Nodes, Part, Waiting, joined, nodes_resized, one_node, with_children
 from renderer.build.kd_plane import best_plane
+from renderer.build.kd_small import FEW, finish, room_for_cells
 from renderer.build.pad import around
 from renderer.build.parallel import each
 from renderer.build.refit import depth_of, sah_cost
@@ -99,7 +100,7 @@ def _split_all(lists: Lists, spans: Spans, nodes: Nodes, ids: Ints, shapes: Shap
     size = spans[0, TRIANGLES, 1]
     refs, side, rank = np.empty(2 * size, np.int32), np.zeros(size, np.uint8), np.empty(size, np.uint32)
     waiting, depths = np.zeros(len(spans), np.int64), np.zeros(len(spans), np.int64)
-    cut_off, anew = _none_wait(), nothing_anew()
+    cut_off, anew, small = _none_wait(), nothing_anew(), room_for_cells()
     depths[0] = level
     top, made, filled, cells = 1, 1, 0, 0
     while top > 0:
@@ -111,6 +112,25 @@ def _split_all(lists: Lists, spans: Spans, nodes: Nodes, ids: Ints, shapes: Shap
             cut_off = _wait(cut_off, cells, lists, span, node, depth, ids, rank)
             cells += 1
             nodes.axis[node], nodes.split[node], nodes.child[node], nodes.size[node] = axis, plane, filled, 0
+            continue
+        if end - begin <= FEW and len(shapes.triangles) == 0:
+            few = np.empty(end - begin, np.int32)
+            for i in range(begin, end):
+                few[i - begin] = ids[lists.triangle[i]]
+            nodes, made, refs, filled = finish(
+                shapes.boxes,
+                few,
+                node,
+                depth,
+                nodes,
+                made,
+                refs,
+                filled,
+                small,
+                rules.max_depth,
+                rules.traversal,
+                rules.intersection,
+            )
             continue
         if depth < rules.max_depth and end > begin:
             axis, plane, planar_left = best_plane(
