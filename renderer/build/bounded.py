@@ -63,7 +63,7 @@ class Cut(NamedTuple):
 def bounded_split(
     boxes: Floats, ids: Words, moved: Floats, moved_ids: Words, begin: int, end: int, rules: Rules
 ) -> tuple[int, int]:
-    """The axis and the first slot right of the cheapest cut; unless rules.exact, of the cheapest border between bins.
+    """The axis and the first slot right of the cheapest cut.
 
     Moves `boxes` and `ids`, stably, to the side on which they lie; `moved` (n, 6) and `moved_ids` (n,) are scratch.
     NO_SPLIT where a leaf costs no more, or where all centroids are nearly one point.
@@ -72,8 +72,7 @@ def bounded_split(
     cut = _cheapest_border(bins, size)
     if cut.axis == NO_SPLIT:
         return NO_SPLIT, begin
-    if rules.exact:
-        cut = _within_bins(boxes, begin, end, bins, cut)
+    cut = _within_bins(boxes, begin, end, bins, cut)
     whole = bins.right_area[cut.axis, 0]
     if size * rules.intersection * whole <= rules.traversal * whole + rules.intersection * cut.cost:
         return NO_SPLIT, begin

@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.build.binned import binned_split
 from renderer.build.bounded import bounded_split
 from renderer.build.grow import resized
 from renderer.build.parallel import each
@@ -26,7 +27,8 @@ TASK = 1 << 15
 """Nodes of at most so many triangles are a task of their own."""
 
 SMALL = 2048
-"""Nodes of at most so many triangles are swept in sorted lists."""
+BINNED_SMALL = 256
+"""Nodes of at most so many triangles are swept in sorted lists; the second is of "binned"."""
 
 
 class Work(NamedTuple):
@@ -54,9 +56,9 @@ def build_bvh(boxes: Floats, costs: SahCosts, method: BvhMethod = "sah", max_dep
     """The BVH over m >= 1 triangle bounds, (m, 2, 3) float32, finite.
 
     "sah" cuts each node where the surface area heuristic is least over all cuts of the centroids' order on three
-    axes, and makes a leaf where that costs no more; "binned" does so in small nodes, and cuts larger ones at the best
-    border between bins. "median" cuts the longest axis in the middle down to leaves of 4, and so do the others
-    where their splits could lead below `max_depth`. That bound holds for up to 2**max_depth triangles. What is moved
+    axes, and makes a leaf where that costs no more; "binned" does so in small nodes, and cuts larger ones between
+    bins along their longest axis. "median" cuts the longest axis in the middle down to leaves of 4, and so do the
+    others where their splits could lead below `max_depth`. That bound holds for up to 2**max_depth triangles. Moving
     keeps its order, so equal input gives equal bytes. Raises ValueError for no triangles.
     """
     if len(boxes) == 0:
@@ -155,6 +157,7 @@ def split_range(
     waiting, cells = np.zeros((MAX_DEPTH + 2, 3), np.int64), np.zeros((most if stop > 0 else 0, 5), np.int64)
     child[0], count[0], parent[0] = first, last - first, -1
     waiting[0, 1], waiting[0, 2] = level, is_sorted
+    small = SMALL if rules.exact else BINNED_SMALL
     top, made, cut_off = 1, 1, 0
     while top > 0:
         top -= 1
@@ -165,14 +168,17 @@ def split_range(
             cells[cut_off, 3], cells[cut_off, 4] = depth, in_order
             cut_off += 1
             continue
-        if not in_order and (end - begin <= SMALL or depth + 1 + _levels(end - begin - 1) > rules.max_depth):
+        if not in_order and (end - begin <= small or depth + 1 + _levels(end - begin - 1) > rules.max_depth):
             sort_range(boxes, lists, begin, end)
             in_order = 1
         if end - begin == 1:
             continue
         chosen, cut = NO_SPLIT, begin + 1
         if not in_order:
-            chosen, cut = bounded_split(boxes, ids, moved_boxes, moved, begin, end, rules)
+            if rules.exact:
+                chosen, cut = bounded_split(boxes, ids, moved_boxes, moved, begin, end, rules)
+            else:
+                chosen, cut = binned_split(boxes, ids, begin, end)
             if chosen == NO_SPLIT:
                 sort_range(boxes, lists, begin, end)
                 in_order = 1
