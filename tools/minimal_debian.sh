@@ -28,22 +28,25 @@ else
     trap 'rm -rf --one-file-system "$root"' EXIT
 fi
 
+# Nothing of this machine's environment holds in there, as TMPDIR, whose folder is not there.
+clean="env -i HOME=/root LANG=C.UTF-8 PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
+
 if [ ! -e "$root/.made" ]; then
     # An https mirror is trusted by this machine's certificates, which the new system gets below.
     debootstrap --variant=minbase --include=git,make,python3,ca-certificates "$suite" "$root" "$mirror" >"$root.log" 2>&1 ||
         { tail -n 20 "$root.log" >&2; exit 1; }
-    rm "$root.log"
     apt-config dump Acquire >"$root/etc/apt/apt.conf.d/90this-machine"
     cp -L /etc/resolv.conf "$root/etc/resolv.conf"
     [ ! -e /etc/pip.conf ] || cp /etc/pip.conf "$root/etc/pip.conf"
     find /usr/local/share/ca-certificates -name '*.crt' -exec cp {} "$root/usr/local/share/ca-certificates/" \;
-    chroot "$root" update-ca-certificates >/dev/null 2>&1
+    chroot "$root" $clean update-ca-certificates >"$root.log" 2>&1 || { cat "$root.log" >&2; exit 1; }
+    rm "$root.log"
     touch "$root/.made"
 fi
 
 rm -rf "$root/root/rayfarm"
 git bundle create -q "$root/root/rayfarm.bundle" HEAD
-chroot "$root" git -c init.defaultBranch=main -c advice.detachedHead=false clone -q /root/rayfarm.bundle /root/rayfarm
+chroot "$root" $clean git -c init.defaultBranch=main -c advice.detachedHead=false clone -q /root/rayfarm.bundle /root/rayfarm
 
 # Mounts and processes end with the namespaces, however this ends.
 enter='
@@ -53,10 +56,9 @@ mount -t sysfs -o ro sysfs "$root/sys"
 mount --rbind /dev "$root/dev"
 mount -t tmpfs tmpfs "$root/dev/shm"
 mount -t tmpfs -o mode=1777 tmpfs "$root/tmp"
-exec chroot "$root" env -i HOME=/root LANG=C.UTF-8 PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
-    bash -euc "cd /root/rayfarm && \"\$@\"" minimal "$@"
+exec chroot "$root" $clean bash -euc "cd /root/rayfarm && \"\$@\"" minimal "$@"
 '
-run() { root=$root unshare --mount --pid --fork --kill-child bash -euc "$enter" minimal "$@"; }
+run() { root=$root clean=$clean unshare --mount --pid --fork --kill-child bash -euc "$enter" minimal "$@"; }
 
 if [ $# -gt 0 ]; then
     run "$@"
