@@ -66,6 +66,13 @@ def find(database: Database, text: str) -> Holder | None:
     return Holder(token.parent or token.id, known, token.id if token.parent else None)
 
 
+def still_good(database: Database, holder: Holder) -> bool:
+    """Whether a holder that was found earlier would be found now."""
+    with database.reading() as session:
+        found = [session.get(Token, key) for key in (holder.id, holder.session) if key]
+    return all(token is not None and _is_live(token) for token in found)
+
+
 def begin_session(database: Database, text: str) -> str | None:
     """Exchange a token's text for a session's; None when the token is not good. A session cannot make another."""
     holder = find(database, text)

@@ -12,6 +12,7 @@ from fastapi import APIRouter, Depends, Header, Query, Request
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy.exc import SQLAlchemyError
 
+from server.access.stays import ENDED, Stay
 from server.api.state import database_of
 from server.api.views import MAX_ID, find_job, find_study
 from server.live.events import Event, Topic, end_of
@@ -50,6 +51,12 @@ def _read_after(
     return after if last_event_id is None else last_event_id
 
 
+async def _stay(request: Request) -> Stay:
+    return Stay(request, database_of(request))
+
+
+Listening = Annotated[Feed, Depends(_listen)]
+Staying = Annotated[Stay, Depends(_stay)]
 After = Annotated[int | None, Depends(_read_after)]
 
 
@@ -71,35 +78,40 @@ def _want(topic: Topic, after: int, end: int | None) -> Wanted:
 
 @router.get("/jobs/{job_id}/events", response_class=EventSourceResponse)
 async def job_events(
-    wanted: Annotated[Wanted, Depends(_want_job)], feed: Annotated[Feed, Depends(_listen)]
+    wanted: Annotated[Wanted, Depends(_want_job)], feed: Listening, stay: Staying
 ) -> AsyncIterator[ServerSentEvent]:
     """A job's changes of state from its first on, each a `change`; an `end` when it is over."""
-    async for event in _stream(feed, wanted):
+    async for event in _stream(feed, wanted, stay):
         yield event
 
 
 @router.get("/studies/{study_id}/events", response_class=EventSourceResponse)
 async def study_events(
-    wanted: Annotated[Wanted, Depends(_want_study)], feed: Annotated[Feed, Depends(_listen)]
+    wanted: Annotated[Wanted, Depends(_want_study)], feed: Listening, stay: Staying
 ) -> AsyncIterator[ServerSentEvent]:
     """The changes of state of a study's jobs from the first on, each a `change`; an `end` when all are over."""
-    async for event in _stream(feed, wanted):
+    async for event in _stream(feed, wanted, stay):
         yield event
 
 
 @router.get("/events", response_class=EventSourceResponse)
-async def all_events(after: After, feed: Annotated[Feed, Depends(_listen)]) -> AsyncIterator[ServerSentEvent]:
+async def all_events(after: After, feed: Listening, stay: Staying) -> AsyncIterator[ServerSentEvent]:
     """The changes of state of all jobs from now on, or after an id; without an end."""
-    async for event in _stream(feed, Wanted(Topic(), after, over=False)):
+    async for event in _stream(feed, Wanted(Topic(), after, over=False), stay):
         yield event
 
 
-async def _stream(feed: Feed, wanted: Wanted) -> AsyncIterator[ServerSentEvent]:
+async def _stream(feed: Feed, wanted: Wanted, stay: Stay) -> AsyncIterator[ServerSentEvent]:
     if wanted.over:
         yield _end(wanted.topic)
         return
     try:
         async for event in feed.follow(wanted.topic, wanted.after):
+            if not await stay.lasts():
+                yield ServerSentEvent(event="refused", raw_data=json.dumps({"detail": ENDED}))
+                return
+            if event is None:
+                continue
             yield _change(event)
             if wanted.topic.ended_by(event):
                 yield _end(wanted.topic)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from server.cli.common import Client
+from server.cli.common import Client, ClientError
 
 RETRY_S = 1.0
 PATIENCE_S = 60.0
@@ -49,6 +49,8 @@ def follow_events(client: Client, path: str) -> Iterator[Json]:
                     last = message.id or last
                     if message.name == "end":
                         return
+                    if message.name == "refused":
+                        raise ClientError(message.data["detail"])
                     yield message.data
         except httpx.TransportError as error:
             lost_at = lost_at or time.monotonic()

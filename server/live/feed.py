@@ -17,6 +17,8 @@ from server.store.database import Database
 
 PERIOD_S = 0.5
 """How often the database is asked for new changes while someone listens; it sets the delay of events."""
+QUIET_S = 5.0
+"""How long a stream waits before it is told that there is nothing new."""
 PAGE = 500
 KEPT = 2 * PAGE
 
@@ -62,10 +64,11 @@ class Feed:
         finally:
             self._listeners -= 1
 
-    async def follow(self, topic: Topic, after: int | None) -> AsyncIterator[Event]:
+    async def follow(self, topic: Topic, after: int | None) -> AsyncIterator[Event | None]:
         """The topic's events with a larger id than `after`, by default those from now on, until the feed ends.
 
-        To be used within `listening`. Raise SQLAlchemyError when the database does not answer.
+        None comes between them, every `QUIET_S` seconds at least, when there is nothing to tell. To be used within
+        `listening`. Raise SQLAlchemyError when the database does not answer.
         """
         position = after
         while not self._ended.is_set():
@@ -73,9 +76,12 @@ class Feed:
             if until is not None and position is None:
                 position = until
             if until is None or position is None or position >= until:
-                await news.wait()
+                if not await _comes(news):
+                    yield None
                 continue
             events, position = await self._between(topic, position, until)
+            if not events:
+                yield None
             for event in events:
                 yield event
 
@@ -140,3 +146,9 @@ class Feed:
     def _tell(self) -> None:
         self._news.set()
         self._news = asyncio.Event()
+
+
+async def _comes(news: asyncio.Event) -> bool:
+    with suppress(TimeoutError):
+        return await asyncio.wait_for(news.wait(), QUIET_S)
+    return False

@@ -60,10 +60,13 @@ function listen() {
   if (document.hidden) return;
   source = new EventSource(`${title.dataset.events}?after=${last}`);
   source.addEventListener("change", show);
-  source.addEventListener("end", () => {
-    source.close();
-    location.reload();
-  });
+  // Its session has ended when it is refused: the page that is loaded then is the login.
+  for (const over of ["end", "refused"]) {
+    source.addEventListener(over, () => {
+      source.close();
+      location.reload();
+    });
+  }
   source.addEventListener("error", () => {
     // After a refusal, as of a server that is starting, the browser does not try again by itself.
     if (source.readyState === EventSource.CLOSED) setTimeout(listen, AGAIN_MS);
