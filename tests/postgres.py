@@ -67,10 +67,18 @@ class PostgresCluster:
         finally:
             self.drop(name)
 
+    def answers(self) -> bool:
+        """Whether it can be connected to."""
+        try:
+            psycopg.connect(self.url(), connect_timeout=2).close()
+        except psycopg.OperationalError:
+            return False
+        return True
+
     def stop(self) -> None:
         """Stop the server as a crash would."""
         self._tell(STOP)
-        while _answers(self):
+        while self.answers():
             time.sleep(0.02)
 
     def start(self) -> None:
@@ -112,17 +120,18 @@ def find_binaries() -> Path | None:
 
 
 @contextmanager
-def running_cluster(binaries: Path, *settings: str) -> Iterator[PostgresCluster]:
+def running_cluster(binaries: Path, *settings: str, before: Sequence[str] = ()) -> Iterator[PostgresCluster]:
     """A server on a free port of 127.0.0.1, with settings (`name=value`) beside the usual ones.
 
-    It ends with the block, and with this process however that ends.
+    It ends with the block, and with this process however that ends. `before` are words that its command comes after;
+    they must exec it.
 
     Raise PostgresError when it does not start.
     """
     with tempfile.TemporaryFile() as log:
         for attempt in range(1, STARTS + 1):
             cluster = PostgresCluster(_free_port(), secrets.token_hex(16))
-            keeper = cluster.keeper = _start_keeper(binaries, cluster, log, settings)
+            keeper = cluster.keeper = _start_keeper(binaries, cluster, log, settings, before)
             try:
                 if _wait_until_ready(keeper, cluster):
                     yield cluster
@@ -136,9 +145,9 @@ def running_cluster(binaries: Path, *settings: str) -> Iterator[PostgresCluster]
 
 
 def _start_keeper(
-    binaries: Path, cluster: PostgresCluster, log: IO[bytes], settings: Sequence[str]
+    binaries: Path, cluster: PostgresCluster, log: IO[bytes], settings: Sequence[str], before: Sequence[str]
 ) -> subprocess.Popen[bytes]:
-    command = [sys.executable, str(KEEPER), str(binaries), str(cluster.port), *settings]
+    command = [*before, sys.executable, str(KEEPER), str(binaries), str(cluster.port), *settings]
     # A session of its own: an interrupt from the keyboard is for the tests, whose fixtures still need the server.
     keeper = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=log, stderr=log, start_new_session=True)
     assert keeper.stdin is not None
@@ -150,18 +159,10 @@ def _start_keeper(
 def _wait_until_ready(keeper: subprocess.Popen[bytes], cluster: PostgresCluster) -> bool:
     deadline = time.monotonic() + START_S
     while keeper.poll() is None and time.monotonic() < deadline:
-        if _answers(cluster):
+        if cluster.answers():
             return True
         time.sleep(0.05)
     return False
-
-
-def _answers(cluster: PostgresCluster) -> bool:
-    try:
-        psycopg.connect(cluster.url(), connect_timeout=2).close()
-    except psycopg.OperationalError:
-        return False
-    return True
 
 
 def _stop(keeper: subprocess.Popen[bytes]) -> None:
