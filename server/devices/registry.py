@@ -93,9 +93,16 @@ def forget(session: Session, device: Device, lease_s: float) -> None:
 
 
 def host_gone(session: Session, host: str) -> None:
-    """Show the devices of a host that has no live worker as offline."""
+    """Show the devices of a host that has no live worker as offline; nothing where it has one after all.
+
+    A worker may have come, and shown them, since the caller looked: it would not show them again.
+    """
+    shown = select(Device).where(Device.host == host, Device.kind != PAIRING)
+    devices = session.scalars(shown.with_for_update()).all()
+    if host in held_hosts(session):
+        return
     session.execute(delete(Device).where(Device.host == host, Device.kind == PAIRING))
-    for device in session.scalars(select(Device).where(Device.host == host).with_for_update()):
+    for device in devices:
         if device.presence != "offline":
             device.presence, device.advice = "offline", no_worker(host)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -38,9 +39,10 @@ def main() -> int:
     return run_until_told(worker, told)
 
 
-def run_until_told(worker: Worker, told: Event) -> int:
-    """Run a worker until `told` is set or it is given up; return the process's exit code."""
+def run_until_told(worker: Worker, told: Event, started: Callable[[], object] = lambda: None) -> int:
+    """Run a worker, telling that it is `started`, until `told` is set or it is given up; the process's exit code."""
     worker.start()
+    started()
     while not told.wait(0.02) and not worker.given_up:
         pass
     given_up = worker.given_up

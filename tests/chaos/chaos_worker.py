@@ -10,15 +10,18 @@ from typing import Any
 sys.path.append(str(Path(__file__).parents[1] / "acceptance"))
 
 from service_fakes import document
+from sqlalchemy import update
 from worker_process import run_until_told
 
 from renderer.child import AsyncSay, run_child_async
 from renderer.process import end_with_parent
 from renderer.request import Request
 from server.processes import signalled
+from server.queue.dispatch import settle
 from server.queue.durable import Durable
 from server.queue.ledger import Claim
 from server.store.database import Database
+from server.store.models import Device
 from server.worker import Worker
 
 HOST = "chaos"
@@ -39,8 +42,17 @@ def main(url: str, log: str, lease_s: float, parent: int) -> int:
     def combine(request: Request, measurements: list[dict[str, Any]]) -> dict[str, Any]:
         return document(request, measurements[0]["speed"])
 
-    worker = Worker(database, Durable(database), run_slice, combine, host=HOST, lease_s=lease_s, poll_s=0.1)
-    return run_until_told(worker, told)
+    durable = Durable(database)
+    worker = Worker(database, durable, run_slice, combine, host=HOST, lease_s=lease_s, poll_s=0.1)
+    return run_until_told(worker, told, lambda: show_devices(database, durable))
+
+
+def show_devices(database: Database, durable: Durable) -> None:
+    """Show this host's devices, as a worker's tracker does: they are away once all workers were lost."""
+    with database.writing() as session:
+        shown = update(Device).where(Device.host == HOST)
+        session.execute(shown.values(presence="online", advice=None))
+    settle(database, durable)
 
 
 if __name__ == "__main__":

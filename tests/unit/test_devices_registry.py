@@ -136,6 +136,14 @@ def test_a_host_that_is_gone_takes_its_devices_offline(database: Database) -> No
     assert registry.ready(get(database, "llvmpipe@here"))
 
 
+def test_a_host_whose_worker_came_meanwhile_is_not_gone(database: Database) -> None:
+    with database.writing() as session:
+        session.add(Worker(id="w", host="here"))
+        registry.see_twin(session, "here")
+        registry.host_gone(session, "here")
+    assert registry.ready(get(database, "llvmpipe@here"))
+
+
 def test_asking_twice_is_asking_once(database: Database) -> None:
     for _ in range(2):
         with database.writing() as session:
