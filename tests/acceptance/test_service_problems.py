@@ -149,10 +149,22 @@ def test_a_foreign_host_name_is_refused(service: Service) -> None:
     assert service.client.get("/livez", headers={"host": f"[::1]:{port}"}).status_code == 200
 
 
-def test_a_foreign_page_may_not_submit(service: Service) -> None:
-    body = {"scene": "cornell-box"}
-    answer = service.client.post("/api/v1/jobs", json=body, headers={"origin": "http://evil.example"})
-    check(answer, 403, "origin")
+@pytest.mark.parametrize("kind", ["application/json", "text/plain", "application/x-www-form-urlencoded"])
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])
+def test_a_foreign_page_may_not_submit(service: Service, origin: str, kind: str) -> None:
+    before = service.get("jobs")
+    body, headers = b'{"scene": "cornell-box"}', {"origin": origin, "content-type": kind}
+    for path in ("jobs", "jobs/1/cancel", "studies", "devices/pair"):
+        check(service.client.post(f"/api/v1/{path}", content=body, headers=headers), 403, "origin")
+    assert service.get("jobs") == before
+
+
+@pytest.mark.parametrize("kind", ["text/plain", "application/x-www-form-urlencoded", "multipart/form-data"])
+def test_what_a_form_can_send_is_no_submission(service: Service, kind: str) -> None:
+    """Pages send these to any site without asking it first."""
+    headers = {"content-type": kind}
+    answer = service.client.post("/api/v1/jobs", content=b'{"scene": "cornell-box"}', headers=headers)
+    check(answer, 422, "application/json")
 
 
 def test_nothing_was_queued_by_any_of_it(service: Service) -> None:
