@@ -47,7 +47,7 @@ def _chaos(url: str, folder: Path, seed: int, jobs: int, bound_s: float) -> None
     log.touch()
     database = Database(url)
     rng = random.Random(seed)
-    with _farm(url, log) as farm:
+    with _farm(url, log, database) as farm:
         _wait_for_workers(database)
         with database.writing() as session:
             session.add_all(Device(id=name, kind=TWIN, host="chaos", presence="online", facts={}) for name in DEVICES)
@@ -124,6 +124,24 @@ class Farm:
             victim.wait()
             _wait_until_gone(children)
         self.start(name)
+        # On a machine so busy that processes are killed faster than they start, nothing would ever run.
+        if rng.random() < 0.8:
+            self.wait_for(name, database)
+
+    def wait_for(self, name: str, database: Database) -> None:
+        """Wait until a process that was started works, or has ended."""
+        process, deadline = self.running[name], time.monotonic() + 60
+        while process.poll() is None and not self._works(name, database):
+            assert time.monotonic() < deadline, f"{name} does not start"
+            time.sleep(0.05)
+
+    def _works(self, name: str, database: Database) -> bool:
+        if name != "server":
+            return _life(database, self.running[name].pid) is not None
+        try:
+            return httpx.get(f"{self.server}/readyz", trust_env=False).is_success
+        except httpx.TransportError:
+            return False
 
 
 def _life(database: Database, pid: int) -> Worker | None:
@@ -146,14 +164,14 @@ def _woke_alive(database: Database, victim: subprocess.Popen[bytes]) -> bool:
 
 
 @contextmanager
-def _farm(url: str, log: Path) -> Iterator[Farm]:
+def _farm(url: str, log: Path, database: Database) -> Iterator[Farm]:
     sock = listen("127.0.0.1", 0)
     farm = Farm(url, log, address(sock), sock.getsockname()[1])
     sock.close()
     try:
         for name in ("server", *(f"worker-{index}" for index in range(WORKERS))):
             farm.start(name)
-        _wait_for_server(farm)
+        farm.wait_for("server", database)
         yield farm
     finally:
         for process in farm.running.values():
@@ -161,16 +179,6 @@ def _farm(url: str, log: Path) -> Iterator[Farm]:
             process.terminate()
         for process in farm.running.values():
             process.wait(30)
-
-
-def _wait_for_server(farm: Farm) -> None:
-    for _ in range(600):
-        try:
-            if httpx.get(f"{farm.server}/readyz", trust_env=False).is_success:
-                return
-        except httpx.TransportError:
-            time.sleep(0.1)
-    raise AssertionError("the server does not answer")
 
 
 def _wait_for_workers(database: Database) -> None:
