@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import io
 import json
@@ -96,7 +97,9 @@ def test_what_is_no_picture_is_not_served(service: Service) -> None:
     with Blobs(service.folder / "blobs").receiving() as incoming:
         incoming.write(b"<script>alert(1)</script>")
         other = Blobs(service.folder / "blobs").keep(incoming)
-    for name in (other, "0" * 64, "x", "..%2f..%2fetc", HOSTILE):
+    (service.folder / "blobs/st").mkdir(exist_ok=True)  # a file where a blob of that name would be
+    (service.folder / "blobs/st/stray.gz").write_bytes(gzip.compress(b"\x89PNG\r\n\x1a\n"))
+    for name in (other, "0" * 64, "x", "stray", "..%2f..%2fetc", HOSTILE):
         answer = service.client.get(f"/api/v1/pictures/{name}")
         assert (answer.status_code, answer.headers["content-type"]) == (404, "application/problem+json"), name
         assert len(answer.json()["detail"]) < 300
