@@ -6,10 +6,13 @@ import json
 import resource
 import struct
 import zipfile
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from scenes import mesh
 from scenes.limits import bounded_memory, require_small_archive
 from scenes.mesh import read_mesh
 from scenes.scene import SceneError
@@ -36,10 +39,19 @@ def write_glb(path: Path, count: int) -> None:
     path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunk)) + chunk)
 
 
-def test_a_mesh_that_takes_100_gb_is_refused(tmp_path: Path) -> None:
+def test_a_mesh_that_takes_100_gb_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    parse, parsed = mesh._trimesh, []
+
+    def recorded(source: Any, kind: str, name: str) -> Any:
+        parsed.append(kind)
+        return parse(source, kind, name)
+
+    monkeypatch.setattr(mesh, "_trimesh", recorded)
     head = f"ply\nformat binary_little_endian 1.0\nelement vertex {HUGE}\nproperty float x\nproperty float y\n"
     face = f"property float z\nelement face {HUGE}\nproperty list uchar int vertex_indices\nend_header\n"
     (tmp_path / "huge.ply").write_bytes((head + face).encode() + bytes(64))
+    few = face.replace(f"face {HUGE}", "face 1")
+    (tmp_path / "vertices.ply").write_bytes((head + few).encode() + bytes(64))
     (tmp_path / "huge.off").write_text(f"OFF\n{HUGE} {HUGE} 0\n0 0 0\n")
     (tmp_path / "huge.stl").write_bytes(bytes(80) + struct.pack("<I", 2**32 - 1) + bytes(50))
     write_glb(tmp_path / "huge.glb", HUGE)
@@ -48,8 +60,16 @@ def test_a_mesh_that_takes_100_gb_is_refused(tmp_path: Path) -> None:
         with pytest.raises(SceneError) as refused:
             read_mesh(path)
         assert str(refused.value).endswith("."), path
+    assert parsed == ["glb"]  # The others' own counts cannot be true, so no parser sees them.
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 500_000  # KiB
     assert resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY
+
+
+def test_a_mesh_is_read_in_bounded_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_glb(tmp_path / "large.glb", 30_000_000)
+    monkeypatch.setattr(mesh, "bounded_memory", partial(bounded_memory, 64 << 20))
+    with pytest.raises(SceneError, match="takes more memory to read than there is"):
+        read_mesh(tmp_path / "large.glb")
 
 
 def test_memory_is_bounded_and_given_back() -> None:
