@@ -28,6 +28,8 @@ def write_glb(path: Path, count: int) -> None:
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [],
+        "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 4}],
         "accessors": [
             {"componentType": 5126, "count": count, "type": "VEC3"},
             {"componentType": 5125, "count": count, "type": "SCALAR"},
@@ -35,7 +37,7 @@ def write_glb(path: Path, count: int) -> None:
     }
     text = json.dumps(tree).encode()
     text += b" " * (-len(text) % 4)
-    chunk = struct.pack("<II", len(text), 0x4E4F534A) + text
+    chunk = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", 4, 0x004E4942) + bytes(4)
     path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunk)) + chunk)
 
 
