@@ -130,7 +130,7 @@ class Farm:
 
     def wait_for(self, name: str, database: Database) -> None:
         """Wait until a process that was started works, or has ended."""
-        process, deadline = self.running[name], time.monotonic() + 60
+        process, deadline = self.running[name], time.monotonic() + 300
         while process.poll() is None and not self._works(name, database):
             assert time.monotonic() < deadline, f"{name} does not start"
             time.sleep(0.05)
