@@ -48,15 +48,21 @@ rm -rf "$root/root/rayfarm"
 git bundle create -q "$root/root/rayfarm.bundle" HEAD
 chroot "$root" $clean git -c init.defaultBranch=main -c advice.detachedHead=false clone -q /root/rayfarm.bundle /root/rayfarm
 
-# Mounts and processes end with the namespaces, however this ends.
+# Mounts and processes end with the namespaces, however this ends. The folder becomes the root as a disk of its own
+# would be, not by chroot: in there namespaces can be made again, which tests do.
 enter='
 mount --make-rprivate /
-mount -t proc proc "$root/proc"
-mount -t sysfs -o ro sysfs "$root/sys"
-mount --rbind /dev "$root/dev"
-mount -t tmpfs tmpfs "$root/dev/shm"
-mount -t tmpfs -o mode=1777 tmpfs "$root/tmp"
-exec chroot "$root" $clean bash -euc "cd /root/rayfarm && \"\$@\"" minimal "$@"
+mount --bind "$root" "$root"
+cd "$root"
+mount -t proc proc proc
+mount -t sysfs -o ro sysfs sys
+mount --rbind /dev dev
+mount -t tmpfs tmpfs dev/shm
+mount -t tmpfs -o mode=1777 tmpfs tmp
+pivot_root . mnt
+cd /
+umount -l /mnt
+exec $clean bash -euc "cd /root/rayfarm && \"\$@\"" minimal "$@"
 '
 run() { root=$root clean=$clean unshare --mount --pid --fork --kill-child bash -euc "$enter" minimal "$@"; }
 

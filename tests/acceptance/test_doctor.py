@@ -183,14 +183,18 @@ def test_a_folder_that_cannot_be_written(
 
 
 def test_a_disk_that_is_nearly_full(tmp_path: Path) -> None:
-    if os.geteuid() != 0 or shutil.which("unshare") is None:
-        pytest.skip("a small disk needs root and unshare")
+    private = ["unshare", "--mount"]
+    if (
+        shutil.which("unshare") is None
+        or subprocess.run([*private, "true"], capture_output=True, check=False).returncode
+    ):
+        pytest.skip("this machine lets this user mount no small disk")
     disk = tmp_path / "disk"
     disk.mkdir()
     mount = f'mount -t tmpfs -o size=8m none "{disk}" && exec "$@"'
     words = [sys.executable, "-m", "server.cli.app", "doctor", "folders"]
     environment = {**os.environ, "RAYFARM_CACHE": str(disk)}
-    command = ["unshare", "--mount", "sh", "-c", mount, "sh", *words]
+    command = [*private, "sh", "-c", mount, "sh", *words]
     said = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
     assert said.returncode == 1, said.stderr
     assert "has 0.0 GiB left: make room, or set RAYFARM_CACHE." in said.stdout

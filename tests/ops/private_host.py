@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+SPACES = ("unshare", "--net", "--mount", "--pid", "--fork", "--kill-child", "--mount-proc")
 NEEDED = ("unshare", "nsenter", "setpriv", "mount")
 SIOCSIFFLAGS, IFF_UP, IFF_RUNNING = 0x8914, 0x1, 0x40
 # A test's user may read what root can, since an interpreter may lie in root's home; it writes only what is its own.
@@ -59,7 +60,10 @@ def refusal() -> str | None:
     if os.geteuid() != 0:
         return "a network of its own needs root"
     absent = [name for name in NEEDED if shutil.which(name) is None]
-    return f"{', '.join(absent)} missing: apt install util-linux" if absent else None
+    if absent:
+        return f"{', '.join(absent)} missing: apt install util-linux"
+    tried = subprocess.run([*SPACES, "true"], capture_output=True, text=True, check=False)
+    return f"this machine gives no namespaces ({tried.stderr.strip()})" if tried.returncode else None
 
 
 @contextmanager
@@ -67,14 +71,13 @@ def running_host(folder: Path, names: Sequence[str]) -> Iterator[PrivateHost]:
     """A machine with names of its own; what runs on it ends with the block. Raise RuntimeError if it does not start."""
     hosts = folder / "hosts"
     hosts.write_text(f"127.0.0.1 localhost {' '.join(names)}\n")
-    spaces = ["unshare", "--net", "--mount", "--pid", "--fork", "--kill-child", "--mount-proc"]
-    command = [*spaces, sys.executable, __file__, str(hosts)]
+    command = [*SPACES, sys.executable, __file__, str(hosts)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True) as holder:
         assert holder.stdin is not None
         assert holder.stdout is not None
         try:
             if holder.stdout.readline() != b"ready\n":
-                raise RuntimeError("this machine gives no namespaces")
+                raise RuntimeError("the machine of its own does not start")
             yield PrivateHost(first_child(holder.pid))
         finally:
             holder.stdin.close()
