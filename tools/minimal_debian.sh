@@ -44,9 +44,9 @@ if [ ! -e "$root/.made" ]; then
     touch "$root/.made"
 fi
 
-rm -rf "$root/root/rayfarm"
-git bundle create -q "$root/root/rayfarm.bundle" HEAD
-chroot "$root" $clean git -c init.defaultBranch=main -c advice.detachedHead=false clone -q /root/rayfarm.bundle /root/rayfarm
+rm -rf "$root/opt/rayfarm"
+git bundle create -q "$root/opt/rayfarm.bundle" HEAD
+chroot "$root" $clean git -c init.defaultBranch=main -c advice.detachedHead=false clone -q /opt/rayfarm.bundle /opt/rayfarm
 
 # Mounts and processes end with the namespaces, however this ends. The folder becomes the root as a disk of its own
 # would be, not by chroot: in there namespaces can be made again, which tests do.
@@ -62,7 +62,7 @@ mount -t tmpfs -o mode=1777 tmpfs tmp
 pivot_root . mnt
 cd /
 umount -l /mnt
-exec $clean bash -euc "cd /root/rayfarm && \"\$@\"" minimal "$@"
+exec $clean bash -euc "cd /opt/rayfarm && \"\$@\"" minimal "$@"
 '
 run() { root=$root clean=$clean unshare --mount --pid --fork --kill-child bash -euc "$enter" minimal "$@"; }
 

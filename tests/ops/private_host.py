@@ -55,15 +55,19 @@ def first_child(pid: int) -> int:
     return int(Path(f"/proc/{pid}/task/{pid}/children").read_text().split()[0])
 
 
-def refusal() -> str | None:
-    """Why there can be none here."""
+def refusal(user: int) -> str | None:
+    """Why there can be none here, with a user who runs this program."""
     if os.geteuid() != 0:
         return "a network of its own needs root"
     absent = [name for name in NEEDED if shutil.which(name) is None]
     if absent:
         return f"{', '.join(absent)} missing: apt install util-linux"
     tried = subprocess.run([*SPACES, "true"], capture_output=True, text=True, check=False)
-    return f"this machine gives no namespaces ({tried.stderr.strip()})" if tried.returncode else None
+    if tried.returncode:
+        return f"this machine gives no namespaces ({tried.stderr.strip()})"
+    alike = ["setpriv", f"--reuid={user}", f"--regid={user}", "--clear-groups"]
+    tried = subprocess.run([*alike, sys.executable, "-c", ""], capture_output=True, text=True, check=False)
+    return f"{sys.executable} lies where root alone can go ({tried.stderr.strip()})" if tried.returncode else None
 
 
 @contextmanager
