@@ -7,6 +7,7 @@ checkout for the image's, and PostgreSQL's own programs for the database's image
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -110,10 +111,11 @@ class Composed:
                 keeper.stdin.close()
 
     def _here(self, value: str) -> str:
+        """A value of the file with the image's paths as this machine has them; each is replaced once."""
         paths = {HOME: str(self.folder / "data"), f"{PROGRAM}/.venv/bin": str(Path(sys.executable).parent)}
-        for there, here in (paths | {f"{PROGRAM}/": f"{ROOT}/"}).items():
-            value = value.replace(there, here)
-        return value
+        paths[PROGRAM] = str(ROOT)
+        there = "|".join(map(re.escape, paths))
+        return re.sub(rf"(?<![\w/])(?:{there})(?=[/:]|$)", lambda found: paths[found[0]], value)
 
 
 @contextmanager

@@ -18,12 +18,11 @@ from private_host import first_child, refusal
 
 WORDS = ["cornell-box", "--traversal", "bvh-stack", "--size", "32", "--frames", "1", "--rounds", "1", "--json"]
 PHONE = "127.0.0.1:15555"
-IMAGE_USER = 10001
 
 
 @pytest.fixture(scope="module")
 def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Composed]:
-    binaries, reason = find_binaries(), refusal(IMAGE_USER)
+    binaries, reason = find_binaries(), refusal()
     if binaries is None or reason is not None:
         pytest.skip(reason or "PostgreSQL's server programs are not installed: apt install postgresql")
     with composed(tmp_path_factory.mktemp("farm"), binaries) as running:
