@@ -197,6 +197,7 @@ class Worker:
                 self._take_up_strays()
             except AWAY as error:
                 trouble.seen(error)
+                watch.forget()
             except Exception:
                 log.exception("a sign of life failed")
 

@@ -20,6 +20,7 @@ case "${1:-run}" in agent | test)
 esac
 if [ "${1:-run}" = test ]; then
     for tool in dexdump enjarify; do program "$tool" || wanted+=("$tool"); done
+    library libGLESv2.so.2 || wanted+=(libgles2)
     program cc || wanted+=(gcc libc6-dev)
     program setpriv || wanted+=(util-linux)
     program pgrep || wanted+=(procps)

@@ -70,6 +70,7 @@ def caring(
                 trouble.over()
             except AWAY as error:
                 trouble.seen(error)
+                watch.forget()
             except Exception:
                 log.exception("looking after the farm failed; it is tried again")
 

@@ -37,3 +37,7 @@ class Watch:
         }
         self._seen = dict(beats)
         return [worker for worker, silent_s in self._silent_s.items() if silent_s >= self.lease_s]
+
+    def forget(self) -> None:
+        """Count all silence anew: after a write that failed, since a worker's sign of life may have failed alike."""
+        self._seen.clear()

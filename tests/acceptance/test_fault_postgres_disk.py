@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import pwd
 import shutil
 import subprocess
 import threading
@@ -59,8 +60,9 @@ def disk(tmp_path: Path) -> Iterator[Disk]:
     folder = tmp_path / "small"
     folder.mkdir()
     # PostgreSQL refuses to be root, which who mounts must be: it is somebody else in a namespace of its own.
-    mount = f'mount -t tmpfs -o size={SIZE_MB}m,mode=777 rayfarm "$0" && exec unshare --user --map-user=1000 '
-    mount += '--map-group=1000 env TMPDIR="$0" "$@"'
+    user = pwd.getpwnam("nobody")
+    mount = f'mount -t tmpfs -o size={SIZE_MB}m,mode=777 rayfarm "$0" && exec unshare --user '
+    mount += f'--map-user={user.pw_uid} --map-group={user.pw_gid} env TMPDIR="$0" "$@"'
     words = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c", mount, str(folder)]
     if shutil.which("unshare") is None or subprocess.run([*words, "true"], capture_output=True, check=False).returncode:
         pytest.skip("this machine lets no user mount a small file system")

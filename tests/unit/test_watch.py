@@ -66,3 +66,13 @@ def test_who_is_gone_from_the_table_is_forgotten(watch: Watch, clock: Clock) -> 
     look_for(watch, clock, 40)
     assert watch.silent([]) == []
     assert look_for(watch, clock, 40) == []
+
+
+def test_while_writing_fails_nobody_is_silent(watch: Watch, clock: Clock) -> None:
+    """A full disk lets rows be read, and no sign of life be given."""
+    watch.silent([("w", NOON)])
+    for _ in range(20):
+        assert look_for(watch, clock, 10) == []
+        watch.forget()
+    assert look_for(watch, clock, 60) == []
+    assert look_for(watch, clock, 2) == ["w"]
