@@ -28,6 +28,14 @@ def _no_phones() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _buffered() -> Iterator[None]:
+    """Programs write to pipes as everywhere: where this is set, one that does not flush is not noticed."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("PYTHONUNBUFFERED", raising=False)
+        yield
+
+
 @pytest.fixture(scope="session")
 def postgres_cluster() -> Iterator[PostgresCluster]:
     """A PostgreSQL server; `with postgres_cluster.database() as url:` gives a fresh, empty database."""

@@ -38,8 +38,8 @@ class ClientError(ValueError):
 
 
 def print_json(value: Any) -> None:
-    """Print plain JSON on standard output."""
-    print(json.dumps(value, indent=2, ensure_ascii=False))
+    """Print plain JSON on standard output, at once: a verb that goes on is read through a pipe, too."""
+    print(json.dumps(value, indent=2, ensure_ascii=False), flush=True)
 
 
 def make_console() -> Console:

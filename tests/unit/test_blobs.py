@@ -133,6 +133,15 @@ def test_a_damaged_blob_is_told(tmp_path: Path, damage: str) -> None:
         list(blobs.read(name))
 
 
+def test_a_blob_of_another_content_is_told_and_removed(tmp_path: Path) -> None:
+    blobs = Blobs(tmp_path)
+    name = keep(blobs, b"one")
+    (tmp_path / name[:2] / f"{name}.gz").write_bytes(gzip.compress(b"another"))
+    with pytest.raises(BlobError, match="damaged"):
+        list(blobs.read(name))
+    assert names(tmp_path) == []
+
+
 def test_what_is_not_kept_is_gone(tmp_path: Path) -> None:
     with Blobs(tmp_path).receiving() as incoming:
         incoming.write(b"half")
