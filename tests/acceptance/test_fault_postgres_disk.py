@@ -101,7 +101,7 @@ def test_full_tables_are_told_and_waited_for(disk: Disk, tmp_path: Path) -> None
             wait_for(lambda: states(service) == {"done"}, 120)
             assert not worker.given_up
             assert stored(service) == sorted([*jobs, *taken])
-            assert service.client.post("/api/v1/studies", json=STUDY).status_code == 201
+        assert service.client.post("/api/v1/studies", json=STUDY).status_code == 201
         check_slices(service, most_attempts=1)
 
 
