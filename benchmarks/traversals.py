@@ -3,8 +3,9 @@
 Every variant is compiled once and then measured frame by frame in shuffled rounds, in which embreex traces the same
 rays; ratios are taken within a round. On llvmpipe with one thread both are processor seconds, on a GPU frames are wall
 seconds. Primary and shadow rays are measured apart. The paper's traversals walk floats and, where they can, 16-bit
-boxes, all others the formats of `--nodes`; every BVH is built by each of `--builders`. Prints tables in Markdown;
-`--write` puts the best variant of each traversal between the marks in a document.
+boxes, all others the formats of `--nodes`; every BVH is built by each of `--builders`, and all is fetched as `--fetch`
+says. Over plain trees `bvh-stack`, the paper's and those of KD-trees are fetched both ways. Prints tables in
+Markdown; `--write` puts the best variant of each traversal between the marks in a document.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from renderer.pilot import Pilot
 from renderer.prepare import prepare
 from renderer.records import Rays
 from renderer.request import Request, parse_size
-from renderer.variant import TRAVERSALS, Variant, expand, matrix, refusal
+from renderer.variant import AXES, TRAVERSALS, Variant, expand, matrix, refusal
 from scenes.catalogue import list_scenes
 
 SCENES = ("cornell-box", "crytek-sponza", "conference", "forest", "cornell-buddha", "happy-buddha")
@@ -62,13 +63,17 @@ def variants(options: argparse.Namespace) -> list[Variant]:
     """What is measured: the paper's traversals in the formats that they could have taken, and all others."""
     found = []
     for name, row in TRAVERSALS.items():
-        if row.structure == "none":
+        compared = row.paper or name == "bvh-stack"
+        if row.structure == "none" or (name not in expand("traversal", options.traversals) and not compared):
             continue
-        wanted = ("f32", "grid16") if row.paper or name == "bvh-stack" else expand("nodes", options.nodes)
+        wanted = ("f32", "grid16") if compared else expand("nodes", options.nodes)
         nodes = [one for one in wanted if refusal(Variant(name, "compute", nodes=one)) is None] or ["f32"]
         axes = {"traversal": (name,), "method": expand("method", options.methods), "nodes": nodes}
-        found += matrix({**axes, "builder": expand("builder", options.builders)}, options.rays[0])[0]
-    return found
+        ways = {"builder": expand("builder", options.builders), "fetch": expand("fetch", options.fetch)}
+        found += matrix({**axes, **ways}, options.rays[0])[0]
+        if compared or row.structure == "kd":
+            found += matrix({**axes, "builder": ("sah",), "fetch": AXES["fetch"]}, options.rays[0])[0]
+    return list(dict.fromkeys(found))
 
 
 def measured(scene: str, kind: str, host: KeptTwins, options: argparse.Namespace) -> Measured:
@@ -135,7 +140,7 @@ def is_base(method: str) -> Callable[[Variant], bool]:
 
 
 def is_paper(method: str) -> Callable[[Variant], bool]:
-    """Whether a variant is one of the paper's over trees as the paper builds them."""
+    """Whether a variant is one of the paper's over trees as the paper builds them, however it fetches them."""
     return lambda one: TRAVERSALS[one.traversal].paper and (one.method, one.builder) == (method, "sah")
 
 
@@ -220,8 +225,10 @@ def main() -> None:
     parser.add_argument("scenes", nargs="*", metavar="SCENE")
     parser.add_argument("--size", type=parse_size, default=(512, 512))
     parser.add_argument("--rays", type=lambda text: text.split(","), default=["primary", "shadow"])
+    parser.add_argument("--traversals", default="all", help="beside those that others are held against")
     parser.add_argument("--methods", default="fragment,compute")
     parser.add_argument("--nodes", default="grid16,quant8")
+    parser.add_argument("--fetch", default="texture")
     parser.add_argument("--builders", default="sah,reinserted,sbvh-reinserted")
     parser.add_argument("--sah", type=costs, default=SahCosts(1.0, 1.0), metavar="CT,CI")
     parser.add_argument("--rounds", type=int, default=5)

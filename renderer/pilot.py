@@ -146,8 +146,11 @@ class Pilot:
         """The timed plan at a size, its buffers shared with the others'."""
         with self._preparing():
             plan = _sized(ready, size).plan(instrument=False)
-            shared = (replace(one, data=None if one.data is None else self._shared(one.data)) for one in plan.buffers)
-            return replace(plan, buffers=tuple(shared))
+            return replace(
+                plan,
+                buffers=tuple(replace(one, data=self._shared(one.data)) for one in plan.buffers),
+                textures=tuple(replace(one, data=self._shared(one.data)) for one in plan.textures),
+            )
 
     def _forget(self, label: str) -> None:
         plan = self._plans.pop(label, None)
@@ -227,8 +230,9 @@ class Pilot:
 
     def _program(self, plan: Plan) -> object:
         """What tells plans apart: their texts and passes, and what their buffers hold."""
-        held = tuple((one.name, one.nbytes, one.data is not None and self._digest(one.data)) for one in plan.buffers)
-        return plan.shader_sha, repr((plan.passes, plan.uniforms)), held
+        held = [(one.name, one.nbytes, one.data is not None and self._digest(one.data)) for one in plan.buffers]
+        held += [(one.name, one.texels, one.data is not None and self._digest(one.data)) for one in plan.textures]
+        return plan.shader_sha, repr((plan.passes, plan.uniforms)), tuple(held)
 
 
 def wrong_rays(errors: Errors, rays: str) -> float:

@@ -18,13 +18,16 @@ import numpy as np
 import numpy.typing as npt
 
 MAGIC = b"RAYFARM\0"
-VERSION = 2
+VERSION = 3
 HEAD = 48
 """Bytes before the header."""
 _ALIGN = 16
 
 GROUP = 8
 """Compute passes run work groups of 8x8, as `shaders/render_compute.comp` declares."""
+
+TEXEL_WORDS = {"rg32ui": 2, "rgba32ui": 4}
+"""Words in a texel of the formats that hold data."""
 
 Words = npt.NDArray[np.uint32]
 Uniform = tuple[str, list[float]]
@@ -45,12 +48,22 @@ class Buffer:
     data: Words | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Texture:
-    """A texture of the image's size: `rgba8`, `r32ui` or `depth24`."""
+    """A texture: `rgba8`, `r32ui` or `depth24` of the image's size, or `rg32ui` or `rgba32ui` that holds `data`.
+
+    The words of `data` fill its texels row by row, `width` to a row; the rest of the last row holds nothing.
+    """
 
     name: str
     format: str
+    width: int | None = None
+    data: Words | None = None
+
+    @property
+    def texels(self) -> int:
+        """The texels that `data` fills."""
+        return 0 if self.data is None else len(self.data) // TEXEL_WORDS[self.format]
 
 
 @dataclass(frozen=True)
@@ -162,7 +175,7 @@ def _read(header: dict[str, Any], data: bytes, base: int) -> Plan:
         size=_pair(header["size"]),
         tile=_pair(header["tile"]),
         buffers=buffers,
-        textures=tuple(Texture(**entry) for entry in header["textures"]),
+        textures=tuple(_read_texture(data, base, entry) for entry in header["textures"]),
         programs=tuple(_read_program(entry) for entry in header["programs"]),
         passes=tuple(Pass(**entry | {"uniforms": _read_uniforms(entry["uniforms"])}) for entry in header["passes"]),
         uniforms=_read_uniforms(header["uniforms"]),
@@ -184,22 +197,14 @@ def refuse_beyond(limits: Mapping[str, int], plan: Plan) -> None:
 
 
 def _header(plan: Plan) -> tuple[dict[str, Any], list[memoryview]]:
-    entries: list[dict[str, Any]] = []
     blobs: list[memoryview] = []
-    offset = 0
-    for buffer in plan.buffers:
-        entry: dict[str, Any] = {"name": buffer.name, "bytes": buffer.nbytes, "offset": None, "sha256": None}
-        if buffer.data is not None:
-            blob = np.ascontiguousarray(buffer.data, "<u4").data.cast("B")
-            entry |= {"offset": offset, "sha256": hashlib.sha256(blob).hexdigest()}
-            offset += len(blob) + -len(blob) % _ALIGN
-            blobs.append(blob)
-        entries.append(entry)
+    buffers = [{"name": one.name, "bytes": one.nbytes} | _placed(one.data, blobs) for one in plan.buffers]
+    textures = [_texture_entry(one) | _placed(one.data, blobs) for one in plan.textures]
     header = {
         "size": plan.size,
         "tile": plan.tile,
-        "buffers": entries,
-        "textures": [asdict(texture) for texture in plan.textures],
+        "buffers": buffers,
+        "textures": textures,
         "programs": [asdict(program) | {"sha256": _texts_sha(program)} for program in plan.programs],
         "passes": [asdict(step) for step in plan.passes],
         "uniforms": plan.uniforms,
@@ -208,6 +213,20 @@ def _header(plan: Plan) -> tuple[dict[str, Any], list[memoryview]]:
         "left_out": plan.left_out,
     }
     return header, blobs
+
+
+def _texture_entry(texture: Texture) -> dict[str, Any]:
+    nbytes = None if texture.data is None else texture.data.nbytes
+    return {"name": texture.name, "format": texture.format, "width": texture.width, "bytes": nbytes}
+
+
+def _placed(data: Words | None, blobs: list[memoryview]) -> dict[str, Any]:
+    """Put data behind the blobs; its place and sum."""
+    if data is None:
+        return {"offset": None, "sha256": None}
+    offset = sum(len(blob) + -len(blob) % _ALIGN for blob in blobs)
+    blobs.append(np.ascontiguousarray(data, "<u4").data.cast("B"))
+    return {"offset": offset, "sha256": hashlib.sha256(blobs[-1]).hexdigest()}
 
 
 def _texts_sha(program: Program) -> dict[str, str]:
@@ -226,13 +245,21 @@ def _read_uniforms(entries: dict[str, list[Any]]) -> dict[str, Uniform]:
 
 
 def _read_buffer(data: bytes, base: int, entry: dict[str, Any]) -> Buffer:
+    return Buffer(entry["name"], entry["bytes"], _read_words(data, base, entry, "buffer"))
+
+
+def _read_texture(data: bytes, base: int, entry: dict[str, Any]) -> Texture:
+    return Texture(entry["name"], entry["format"], entry["width"], _read_words(data, base, entry, "texture"))
+
+
+def _read_words(data: bytes, base: int, entry: dict[str, Any], kind: str) -> Words | None:
     if entry["offset"] is None:
-        return Buffer(entry["name"], entry["bytes"])
+        return None
     start = base + entry["offset"]
     blob = memoryview(data)[start : start + entry["bytes"]]
     if len(blob) != entry["bytes"] or hashlib.sha256(blob).hexdigest() != entry["sha256"]:
-        raise PlanError(f"The plan's buffer {entry['name']} fails its checksum: the file is torn.")
-    return Buffer(entry["name"], entry["bytes"], np.frombuffer(blob, "<u4"))
+        raise PlanError(f"The plan's {kind} {entry['name']} fails its checksum: the file is torn.")
+    return np.frombuffer(blob, "<u4")
 
 
 def _pair(values: Sequence[int]) -> tuple[int, int]:

@@ -9,7 +9,9 @@ import numpy.typing as npt
 
 from renderer.build.tree import Kd, Tree
 from renderer.pack.api import Packed
+from renderer.pack.fetch import BINDINGS, WIDTH, rows
 from renderer.pack.primitives import pack_raster
+from renderer.pack.schema import NODE_LAYOUTS
 from renderer.plan import Buffer, Pass, Plan, Program, Texture, Uniform
 from renderer.request import Request
 from renderer.texts import Form, present_texts, raster_texts, trace_texts
@@ -88,6 +90,7 @@ class _Planner:
         self.kind = "compute" if self.variant.method == "compute" else "draw"
         # Instrumented plans report the whole image whatever is to be timed.
         self.rays = "both" if instrument else request.rays
+        self.fetched = _fetched(packed)
         self.view = view_of(scene, request.camera or scene.camera, request.size)
 
     def plan(self) -> Plan:
@@ -154,13 +157,9 @@ class _Planner:
         return [*steps, ("shade", _Stages(kept, "frame", (0, 0), last=True))]
 
     def _trace_pass(self, name: str, program: str, stages: _Stages) -> Pass:
-        storage = {"1": "primitives"}
-        if self.packed.nodes is not None:
-            storage["0"] = "nodes"
-        if self.packed.primitives.normals is not None:
-            storage["2"] = "normals"
-        if self.packed.primitives.baked is not None:
-            storage["2"] = "baked"
+        textured = self.variant.fetch == "texture"
+        storage = {} if textured else {str(BINDINGS[name]): name for name in self.fetched}
+        textures = {name: name for name in self.fetched} if textured else {}
         if any(stage.startswith("STATE_") for stage in stages.on):
             storage["3"] = "state"
         collect = None
@@ -174,10 +173,10 @@ class _Planner:
         uniforms: dict[str, Uniform] = {}
         if self.tree is None:
             uniforms = {"range_first": ("uint", [first]), "range_last": ("uint", [last])}
-        step = Pass(name, self.kind, program, stages.phase, storage=storage, uniforms=uniforms, collect=collect)
+        step = Pass(name, self.kind, program, stages.phase, storage, textures, uniforms=uniforms, collect=collect)
         if self.hybrid:
-            textures = {"raster_depth": "depth", "raster_normal": "normal"}
-            return replace(step, textures=textures, target=["image"])
+            raster = {"raster_depth": "depth", "raster_normal": "normal"}
+            return replace(step, textures=textures | raster, target=["image"])
         if self.kind == "compute":
             return replace(step, images={"0": "canvas"})
         return replace(step, target=["image"])
@@ -214,14 +213,11 @@ class _Planner:
 
     def _buffers(self, stateful: bool) -> list[Buffer]:
         width, height = self.request.size
-        data = [("primitives", self.packed.primitives.vertices), ("normals", self.packed.primitives.normals)]
-        data.append(("baked", self.packed.primitives.baked))
-        if self.packed.nodes is not None:
-            data.append(("nodes", self.packed.nodes.words))
+        data = dict(self.fetched) if self.variant.fetch == "storage" else {}
         if self.hybrid:
             normals = None if self.scene.normals is None else self.scene.normals[self.scene.faces]
-            data.append(("corners", pack_raster(self.scene.triangles, normals)))
-        buffers = [Buffer(name, words.nbytes, words) for name, words in data if words is not None]
+            data["corners"] = pack_raster(self.scene.triangles, normals)
+        buffers = [Buffer(name, words.nbytes, words) for name, words in data.items()]
         if stateful:
             buffers.append(Buffer("state", width * height * 16))
         if self.instrument:
@@ -240,7 +236,17 @@ class _Planner:
             textures.append(Texture("canvas", "rgba8"))
         if self.hybrid:
             textures += [Texture("normal", "r32ui"), Texture("depth", "depth24")]
+        if self.variant.fetch == "texture":
+            textures += [self._texture_of(name, words) for name, words in self.fetched.items()]
         return textures
+
+    def _texture_of(self, name: str, words: npt.NDArray[np.uint32]) -> Texture:
+        return Texture(name, f"{'rgba'[: self._chunk(name)]}32ui", WIDTH, words)
+
+    def _chunk(self, name: str) -> int:
+        """The words in a chunk of a buffer that is fetched from."""
+        layouts = NODE_LAYOUTS.get(TRAVERSALS[self.variant.traversal].nodes)
+        return layouts[self.variant.nodes].vector if name == "nodes" and layouts is not None else 4
 
     def _uniforms(self) -> dict[str, Uniform]:
         width, height = self.request.size
@@ -270,6 +276,8 @@ class _Planner:
             # Also where the text has it: a uniform that no program names is let be.
             uniforms["grid_origin"] = ("vec3", grid.origin.tolist())
             uniforms["grid_cell"] = ("vec3", grid.cell.tolist())
+        if self.variant.fetch == "texture" and "nodes" in self.fetched:
+            uniforms["nodes_chunks"] = ("uint", [len(self.fetched["nodes"]) // self._chunk("nodes")])
         if isinstance(self.tree, Kd):
             uniforms["root_lower"] = ("vec3", (self.tree.lower[0].astype(float) + 0.0).tolist())
             uniforms["root_upper"] = ("vec3", (self.tree.upper[0].astype(float) + 0.0).tolist())
@@ -277,12 +285,16 @@ class _Planner:
 
     def _needs(self, stateful: bool, buffers: list[Buffer]) -> dict[str, int]:
         """Device limits by GL name, without the `GL_MAX_`."""
-        primitives = self.packed.primitives
-        blocks = 1 + sum(words is not None for words in (self.packed.nodes, primitives.normals, primitives.baked))
+        textured = self.variant.fetch == "texture"
+        blocks = 0 if textured else len(self.fetched)
         blocks += stateful + self.instrument + 2 * (self.reads is not None)
         stage = "COMPUTE" if self.kind == "compute" else "FRAGMENT"
-        largest = max(buffer.nbytes for buffer in buffers)
-        return {f"{stage}_SHADER_STORAGE_BLOCKS": blocks, "SHADER_STORAGE_BLOCK_SIZE": largest}
+        largest = max((buffer.nbytes for buffer in buffers), default=0)
+        needs = {f"{stage}_SHADER_STORAGE_BLOCKS": blocks, "SHADER_STORAGE_BLOCK_SIZE": largest}
+        if textured:
+            sides = [rows(len(words), self._chunk(name)) for name, words in self.fetched.items()]
+            needs["TEXTURE_SIZE"] = max(WIDTH, *sides)
+        return needs
 
     def _left_out(self) -> list[str]:
         """What the general form has and this scene does not need."""
@@ -298,6 +310,14 @@ class _Planner:
         if state in ("trail", "short trail") and self.tree is not None and self.packed.levels <= 32:
             out.append("the trail's second word")
         return out
+
+
+def _fetched(packed: Packed) -> dict[str, npt.NDArray[np.uint32]]:
+    """The buffers that traversals and shading fetch from."""
+    primitives = packed.primitives
+    words = {"primitives": primitives.vertices, "normals": primitives.normals, "baked": primitives.baked}
+    words["nodes"] = None if packed.nodes is None else packed.nodes.words
+    return {name: held for name, held in words.items() if held is not None}
 
 
 @dataclass(frozen=True)

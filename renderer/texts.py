@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from renderer.glsl import flatten
+from renderer.pack.fetch import reader
 from renderer.pack.grid import Grid
 from renderer.pack.schema import glsl
 from renderer.variant import TRAVERSALS, Variant
@@ -58,7 +59,7 @@ def trace_texts(form: Form, on: Iterable[str], casts: Casts = "pixel", first: It
     parts = [
         *first,
         "common_reads.glsl",
-        *([glsl(TRAVERSALS[variant.traversal].nodes, variant.nodes, form.grid)] if variant.structure != "none" else []),
+        *_readers(form),
         "common_ray.glsl",
         f"layout_{variant.layout if form.normals else 'bare'}.glsl",
         *_tests(variant),
@@ -75,6 +76,18 @@ def trace_texts(form: Form, on: Iterable[str], casts: Casts = "pixel", first: It
         "vertex": flatten({}, ["render_screen.vert"]),
         "fragment": flatten(defines, [*parts, "render_fragment.frag"]),
     }
+
+
+def _readers(form: Form) -> list[str]:
+    """The ways to the buffers that the variant reads."""
+    variant = form.variant
+    named = ["primitives"]
+    named += ["normals"] if form.normals and variant.layout == "split" else []
+    named += ["baked"] if variant.intersector == "baked" else []
+    found = [reader(name, variant.fetch) for name in named]
+    if variant.structure != "none":
+        found.append(glsl(TRAVERSALS[variant.traversal].nodes, variant.nodes, form.grid, variant.fetch))
+    return found
 
 
 def _tests(variant: Variant) -> list[str]:

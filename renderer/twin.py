@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.host import Frames, Tile
-from renderer.plan import GROUP, Pass, Plan, PlanError, Texture, Uniform, refuse_beyond
+from renderer.plan import GROUP, TEXEL_WORDS, Pass, Plan, PlanError, Texture, Uniform, refuse_beyond
 
 _PLACE = re.compile(r"\d+:(\d+)\b")
 """Where a compiler says that its error is: a string of the text, and a line."""
@@ -162,13 +162,27 @@ class Twin:
 
     def _texture(self, texture: Texture) -> Any:
         size = self.plan.size
-        if texture.format == "depth24":
+        if texture.data is not None:
+            made = self._filled(texture, texture.data)
+        elif texture.format == "depth24":
             made = self.context.depth_texture(size)
             made.compare_func = ""
         else:
             components, dtype = {"rgba8": (4, "f1"), "r32ui": (1, "u4")}[texture.format]
             made = self.context.texture(size, components, dtype=dtype)
         made.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        return made
+
+    def _filled(self, texture: Texture, data: npt.NDArray[np.uint32]) -> Any:
+        """A texture of words: whole rows first, then what the last one holds."""
+        width, words = texture.width or 1, TEXEL_WORDS[texture.format]
+        rows, rest = divmod(texture.texels, width)
+        made = self.context.texture((width, max(rows + (rest > 0), 1)), words, dtype="u4", alignment=4)
+        whole = rows * width * words
+        if rows:
+            made.write(data[:whole].tobytes(), (0, 0, width, rows))
+        if rest:
+            made.write(data[whole:].tobytes(), (0, rows, rest, 1))
         return made
 
     def _compile(self, name: str, stages: dict[str, str]) -> Any:

@@ -64,6 +64,7 @@ AXES: dict[str, tuple[str, ...]] = {
     "precision": ("highp", "mediump"),
     "offset": ("constant", "bounded"),
     "builder": ("sah", "binned", "median", "reinserted", "sbvh", "sbvh-reinserted", "clipped"),
+    "fetch": ("storage", "texture"),
 }
 
 KD_BUILDERS = ("sah", "clipped")
@@ -82,6 +83,7 @@ PAPER: dict[str, tuple[str, ...]] = {
     "precision": ("highp",),
     "offset": ("constant",),
     "builder": ("sah",),
+    "fetch": ("storage",),
 }
 """What the paper measured, on each axis."""
 
@@ -99,6 +101,7 @@ class Variant:
     precision: str = "highp"
     offset: str = "constant"
     builder: str = "sah"
+    fetch: str = "storage"
 
     @property
     def structure(self) -> Structure:

@@ -3,11 +3,10 @@
 // (`renderer/pack/baked.py`), and vertices are read for shading alone. The numbers are relative to the world's origin:
 // unlike tests that begin with a corner less the ray's origin, this one loses digits with the distance from there.
 const int TEST_WORDS = 16;
-layout(std430, binding = 2) readonly restrict buffer Baked { uvec4 baked[]; };
 
 uvec4 baked_chunk(uint i) {
     NOTE_READ(READ_NORMALS, 4u, 4u * i);
-    return baked[i];
+    return baked_at(i);
 }
 
 void intersector_prepare() {

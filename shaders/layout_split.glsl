@@ -2,11 +2,10 @@
 
 // The paper's third layout (section 3.1): vertices and normals in buffers of their own.
 const int NORMAL_WORDS = 9;
-layout(std430, binding = 2) readonly restrict buffer Normals { uvec4 normals[]; };
 
 uvec3 normal_xyz(uint i) {
     NOTE_READ(READ_NORMALS, 3u, 4u * i);
-    return normals[i].xyz;
+    return normals_at(i).xyz;
 }
 
 void fetch_normals(uint slot, out vec3 a, out vec3 b, out vec3 c) {

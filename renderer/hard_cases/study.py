@@ -39,7 +39,7 @@ class Order:
     processes: int = 2
 
 
-TESTED = ("traversal", "intersector", "box", "nodes", "precision", "offset")
+TESTED = ("traversal", "intersector", "box", "nodes", "precision", "offset", "fetch")
 """The axes whose values may change an answer."""
 
 

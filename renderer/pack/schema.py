@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from renderer.pack.fetch import reader
 from renderer.pack.grid import Grid
 
 LEAF = 0
@@ -135,8 +136,8 @@ NODE_LAYOUTS: dict[str, dict[str, NodeLayout]] = {
 """By what a traversal reads of a node, then by node format."""
 
 
-def glsl(name: str, node_format: str = "f32", grid: Grid | None = None) -> str:
-    """The GLSL that declares the node buffer of a layout and reads its chunks and fields.
+def glsl(name: str, node_format: str = "f32", grid: Grid | None = None, fetch: str = "storage") -> str:
+    """The GLSL that declares the node buffer of a layout and reads its chunks and fields, fetched as `fetch` says.
 
     A grid that is given is written into the text; else it is read from uniforms, which Mesa loads again in every step.
     Every read is noted for `shaders/common_reads.glsl`, which comes before it; a chunk counts as read whole.
@@ -148,9 +149,9 @@ def glsl(name: str, node_format: str = "f32", grid: Grid | None = None) -> str:
     lines = [
         f"// Node layout `{name}`, format `{node_format}`: {layout.words} words a node.",
         f"const uint LEAF = {LEAF}u;",
-        f"layout(std430, binding = 0) readonly restrict buffer Nodes {{ {chunk} nodes[]; }};",
+        reader("nodes", fetch, layout.vector),
         _reader(
-            f"{chunk} node_chunk(uint node, uint chunk)", f"nodes[{at}]", layout.vector, f"{layout.vector}u * ({at})"
+            f"{chunk} node_chunk(uint node, uint chunk)", f"nodes_at({at})", layout.vector, f"{layout.vector}u * ({at})"
         ),
     ]
     lines += _tail_readers(layout)
@@ -159,7 +160,7 @@ def glsl(name: str, node_format: str = "f32", grid: Grid | None = None) -> str:
     elif node_format == "quant8":
         lines += [*_accessors(NODE_LAYOUTS[name]["f32"], ["uint"]), *_accessors(layout, [chunk]), *_FRAMED_QUAD]
     else:
-        lines += [*_accessors(layout, ["uint"]), *_fetch_node(layout, grid)]
+        lines += [*_accessors(layout, ["uint"]), *_fetch_node(layout, grid, fetch)]
         lines += _QUAD if layout.order == "quads" else ()
     return "\n".join(lines) + "\n"
 
@@ -174,14 +175,14 @@ def _tail_readers(layout: NodeLayout) -> list[str]:
     lines = []
     parent = layout.field("parent")
     if parent is not None and parent.word == TAIL:
-        value = f"nodes[uint(TAIL_AT) + (node >> {shift})][node & {mask}u]"
+        value = f"nodes_at(uint(TAIL_AT) + (node >> {shift}))[node & {mask}u]"
         lines.append(_reader("uint node_links(uint node)", value, 1, f"uint(TAIL_AT) * {layout.vector}u + node"))
     elif parent is not None:
         nth, component = divmod(parent.word, layout.vector)
-        value = f"nodes[node * {layout.words // layout.vector}u + {nth}u].{'xyzw'[component]}"
+        value = f"nodes_at(node * {layout.words // layout.vector}u + {nth}u).{'xyzw'[component]}"
         lines.append(_reader("uint node_links(uint node)", value, 1, f"node * {layout.words}u + {parent.word}u"))
     if layout.tail in ("triangles", "paths"):
-        value = f"nodes[uint(TAIL_AT) + (i >> {shift})][i & {mask}u]"
+        value = f"nodes_at(uint(TAIL_AT) + (i >> {shift}))[i & {mask}u]"
         name = "node_ref" if layout.tail == "triangles" else "node_path_word"
         lines.append(_reader(f"uint {name}(uint i)", value, 1, f"uint(TAIL_AT) * {layout.vector}u + i"))
     if layout.tail == "paths":
@@ -262,7 +263,7 @@ def _grid(grid: Grid | None) -> list[str]:
     return lines
 
 
-def _fetch_node(layout: NodeLayout, grid: Grid | None) -> list[str]:
+def _fetch_node(layout: NodeLayout, grid: Grid | None, fetch: str) -> list[str]:
     """The BVH traversals' way to a node: its box and link word, and its parent's word where the layout has one."""
     parent = layout.field("parent")
     packed = layout.field("box")
@@ -271,7 +272,9 @@ def _fetch_node(layout: NodeLayout, grid: Grid | None) -> list[str]:
     lines += [f"const int NODE_WORDS = {(4 if packed is not None else 7) + (parent is not None)};"]
     if layout.order == "octants":
         shift = 4 if layout.words == 8 else 3
-        lines.append(f"uint node_copy(uint octant) {{ return octant * (uint(nodes.length()) >> {shift}); }}")
+        lines += ["uniform uint nodes_chunks;"] if fetch == "texture" else []
+        chunks = "nodes_chunks" if fetch == "texture" else "uint(nodes.length())"
+        lines.append(f"uint node_copy(uint octant) {{ return octant * ({chunks} >> {shift}); }}")
     head = "void fetch_node(uint node, out vec3 lower, out vec3 upper, out uint link"
     lines += [f"{head}{', out uint links' if parent is not None else ''}) {{", "    uvec4 low = node_chunk(node, 0u);"]
     if packed is not None:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from renderer.variant import AXES
+from renderer.variant import AXES, Variant
 from server.api.views import iso, job_line, job_lines
 from server.live.study_left import read_left
 from server.live.time_left import write_left
@@ -96,7 +96,8 @@ def _rows(session: Session, studies: Sequence[int]) -> dict[int, str]:
     mine = Job.study_id.in_(studies)
     first = session.scalars(select(func.min(Job.id)).where(mine).group_by(Job.label))  # A label names a variant whole.
     asked = session.execute(select(Job.label, Job.request).where(Job.id.in_(first.all())))
-    variants = {label: request["variant"] for label, request in asked}
+    # A job may be older than an axis.
+    variants = {label: Variant().as_dict() | request["variant"] for label, request in asked}
     settings = (Job.request[key].as_string() for key in REQUEST_KEYS)
     kinds: dict[int, list[Sequence[Any]]] = defaultdict(list)
     for owner, label, *others in session.execute(

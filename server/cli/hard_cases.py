@@ -168,9 +168,9 @@ def _grouped(cells: Iterable[Json], key: Any) -> dict[Any, list[Json]]:
 
 
 def _axes(row: Json) -> str:
-    """The values of the axes that tell rows apart; of precision and offset only those that are not the default."""
+    """The values of the axes that tell rows apart; of some only those that are not the default."""
     variant = row["variant"]
-    rest = [variant[axis] for axis in ("precision", "offset") if variant[axis] != getattr(Variant(), axis)]
+    rest = [variant[axis] for axis in ("precision", "offset", "fetch") if variant[axis] != getattr(Variant(), axis)]
     return " ".join([variant["intersector"], variant["box"], variant["nodes"], *rest])
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
+from renderer.variant import Variant
 from server.hard_cases.words import count_name, counts_of, write_ulps
 
 Json = dict[str, Any]
@@ -61,7 +62,9 @@ def find_changes(baseline: Json, against: Json) -> Changes:
 
 
 def _by_place(cells: Iterable[Json]) -> dict[Place, Json]:
-    return {(cell["family"], tuple(sorted(cell["variant"].items()))): cell for cell in cells}
+    """Cells by family and variant; an axis that is younger than a document had its default there."""
+    usual = Variant().as_dict()
+    return {(cell["family"], tuple(sorted((usual | cell["variant"]).items()))): cell for cell in cells}
 
 
 def _change(first: Json, second: Json) -> Change | None:

@@ -28,6 +28,7 @@ _LABELS = {
     "precision": "Precision",
     "offset": "Shadow offset",
     "builder": "Builder",
+    "fetch": "Fetched from",
     "specialise": "Specialised to the scene",
 }
 

@@ -218,6 +218,7 @@ class Result(Base):
     precision: Mapped[str] = mapped_column(String(64))
     offset: Mapped[str] = mapped_column(String(64))
     builder: Mapped[str] = mapped_column(String(64))
+    fetch: Mapped[str] = mapped_column(String(64))
     document: Mapped[Json] = mapped_column(deferred=True)
 
     job: Mapped[Job] = relationship(back_populates="result")

@@ -21,7 +21,7 @@ from agent_desktop import Batch
 
 from renderer.plan import HEAD, MAGIC, VERSION, PlanError, load_plan
 
-GOLDEN = (Path(__file__).parent.parent / "fixtures" / "plan_v2.bin").read_bytes()
+GOLDEN = (Path(__file__).parent.parent / "fixtures" / "plan_v3.bin").read_bytes()
 SEED = 20_260_101
 DAMAGED, SENSELESS = 2500, 2500
 ODD: list[Any] = [

@@ -14,11 +14,11 @@ import pytest
 from agent_desktop import Batch
 from running import catalogue_scene, context, prepared
 
-from renderer.plan import Buffer, Plan, PlanError, Program, load_plan
+from renderer.plan import Buffer, Plan, PlanError, Program, Texture, load_plan
 from renderer.twin import Twin
 from renderer.variant import AXES, Variant
 
-GOLDEN = Path(__file__).parent.parent / "fixtures" / "plan_v2.bin"
+GOLDEN = Path(__file__).parent.parent / "fixtures" / "plan_v3.bin"
 SIZE = (24, 16)
 
 
@@ -28,8 +28,9 @@ def agent() -> Iterator[Batch]:
         yield batch
 
 
-def box(method: str = "fragment", *, instrument: bool = False) -> Plan:
-    return prepared(catalogue_scene("cornell-box"), Variant("bvh-stack", method), SIZE).plan(instrument=instrument)
+def box(method: str = "fragment", *, instrument: bool = False, fetch: str = "storage") -> Plan:
+    variant = Variant("bvh-stack", method, fetch=fetch)
+    return prepared(catalogue_scene("cornell-box"), variant, SIZE).plan(instrument=instrument)
 
 
 def read(agent: Batch, path: Path) -> Any:
@@ -52,12 +53,14 @@ def test_the_pinned_bytes_are_read(agent: Batch) -> None:
     """The fixture that Python's own reader is held to."""
     plan, found = load_plan(GOLDEN), read(agent, GOLDEN)
     assert [found[name] for name in ("width", "height", "tileWidth", "tileHeight")] == [*plan.size, *plan.tile]
-    data = {b.name: list(b.data.tobytes()) for b in plan.buffers if b.data is not None}
+    held: list[Buffer | Texture] = [*plan.buffers, *plan.textures]
+    data = {one.name: list(one.data.tobytes()) for one in held if one.data is not None}
     assert found["data"] == data
     assert [(b["name"], b["bytes"], b["offset"] < 0) for b in found["buffers"]] == [
         (b.name, b.nbytes, b.data is None) for b in plan.buffers
     ]
-    assert found["textures"] == {texture.name: texture.format for texture in plan.textures}
+    told = {name: (texture["format"], texture["width"] or None) for name, texture in found["textures"].items()}
+    assert told == {texture.name: (texture.format, texture.width) for texture in plan.textures}
     assert found["programs"] == {program.name: program.stages for program in plan.programs}
     assert (found["needs"], found["output"]) == (plan.needs, plan.output)
     assert uniforms(found["uniforms"]) == {name: in_words(*u) for name, u in plan.uniforms.items()}
@@ -141,6 +144,22 @@ def test_without_fragment_storage_only_compute_runs(agent: Batch, method: str) -
     assert found.reason == "This device offers GL_MAX_FRAGMENT_SHADER_STORAGE_BLOCKS = 0; the plan needs 2."
     assert found.device["limits"]["FRAGMENT_SHADER_STORAGE_BLOCKS"] == 0
     assert (found.compile_ms, found.upload_ms) == (0, 0)
+
+
+@pytest.mark.parametrize("method", AXES["method"])
+def test_without_fragment_storage_textures_are_fetched_from(agent: Batch, method: str) -> None:
+    found = agent.run(box(method, fetch="texture"), {"RAYFARM_SHIM_LIMITS": "MAX_FRAGMENT_SHADER_STORAGE_BLOCKS=0"})
+    assert (found.outcome, found.reason) == ("done", None)
+
+
+def test_rows_that_a_texture_has_no_room_for_are_refused(agent: Batch) -> None:
+    plan = box()
+    tall = Texture("tall", "rg32ui", 8, np.zeros(8 * 2 * 30 + 2, np.uint32))
+    found = agent.run(replace(plan, textures=(*plan.textures, tall)), {"RAYFARM_SHIM_LIMITS": "MAX_TEXTURE_SIZE=30"})
+    assert (found.outcome, found.reason) == (
+        "refused",
+        "This device offers GL_MAX_TEXTURE_SIZE = 30; the plan needs 31.",
+    )
 
 
 @pytest.mark.parametrize(

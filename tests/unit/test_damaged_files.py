@@ -21,7 +21,7 @@ SEED = 20_260_101
 BOX = trimesh.creation.box()
 MESHES = {kind: BOX.export(file_type=kind) for kind in ("obj", "ply", "stl", "off", "glb")}
 PROFILES = [path.read_bytes() for path in sorted((FIXTURES / "profiles").glob("*.csv"))]
-PLAN = (FIXTURES / "plan_v2.bin").read_bytes()
+PLAN = (FIXTURES / "plan_v3.bin").read_bytes()
 TOKENS = st.sampled_from(
     [b"", b"\n", b'"', b",", b"-1", b"nan", b"1e999", b"99999999999", b"\0", b"\xff", b"f 1 2 3\n"]
 )

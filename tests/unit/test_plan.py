@@ -16,7 +16,7 @@ import pytest
 from renderer.plan import HEAD, MAGIC, VERSION, Buffer, Pass, Plan, PlanError, Program, Texture, load_plan
 from renderer.twin import Twin, check_limits
 
-GOLDEN = Path(__file__).parent.parent / "fixtures" / "plan_v2.bin"
+GOLDEN = Path(__file__).parent.parent / "fixtures" / "plan_v3.bin"
 
 TEXT = "#version 310 es\nvoid main() { }\n"
 PLAN = Plan(
@@ -28,7 +28,12 @@ PLAN = Plan(
         Buffer("empty", 0, np.zeros(0, np.uint32)),
         Buffer("state", 2048),
     ),
-    textures=(Texture("image", "rgba8"), Texture("canvas", "rgba8"), Texture("depth", "depth24")),
+    textures=(
+        Texture("image", "rgba8"),
+        Texture("canvas", "rgba8"),
+        Texture("depth", "depth24"),
+        Texture("table", "rg32ui", 4, np.arange(10, dtype=np.uint32)),
+    ),
     programs=(
         Program("trace", {"compute": TEXT}),
         Program("present", {"vertex": TEXT, "fragment": TEXT + "// é\n"}),
@@ -43,7 +48,14 @@ PLAN = Plan(
             images={"0": "canvas"},
             uniforms={"range_first": ("uint", [0]), "range_last": ("uint", [4294967295])},
         ),
-        Pass("present", "draw", "present", textures={"canvas": "canvas"}, target=["image"], collect="state"),
+        Pass(
+            "present",
+            "draw",
+            "present",
+            textures={"canvas": "canvas", "table": "table"},
+            target=["image"],
+            collect="state",
+        ),
         Pass("raster", "raster", "present", target=["image", "depth"], vertices="primitives"),
     ),
     uniforms={"eye": ("vec3", [0.1, -1e-30, 3.0]), "image_size": ("ivec2", [16, 8])},
@@ -56,7 +68,9 @@ PLAN = Plan(
 def parts(plan: Plan) -> dict[str, Any]:
     """Everything in a plan, in values that compare."""
     values = vars(plan) | {"buffers": [(b.name, b.nbytes) for b in plan.buffers]}
-    values["data"] = [None if b.data is None else b.data.tolist() for b in plan.buffers]
+    values["textures"] = [(t.name, t.format, t.width, t.texels) for t in plan.textures]
+    held: list[Buffer | Texture] = [*plan.buffers, *plan.textures]
+    values["data"] = [None if one.data is None else one.data.tolist() for one in held]
     return values
 
 
@@ -75,13 +89,17 @@ def test_the_layout_is_as_written_down() -> None:
     data = GOLDEN.read_bytes()
     assert data[:8] == MAGIC
     version, length = struct.unpack_from("<II", data, 8)
-    assert version == VERSION == 2
+    assert version == VERSION == 3
     assert data[16:48] == hashlib.sha256(data[48 : 48 + length]).digest()
     header = json.loads(data[48 : 48 + length])
     offsets = {entry["name"]: (entry["offset"], entry["bytes"]) for entry in header["buffers"]}
     assert offsets == {"nodes": (0, 20), "primitives": (32, 16), "empty": (48, 0), "state": (None, 2048)}
     assert data[48 + length :][32:48] == struct.pack("<4I", 4, 5, 6, 7)
-    assert len(data) == HEAD + length + 48
+    assert {entry["name"]: entry["offset"] for entry in header["textures"] if entry["bytes"] is not None} == {
+        "table": 48
+    }
+    assert data[48 + length :][48:88] == struct.pack("<10I", *range(10))
+    assert len(data) == HEAD + length + 96
     assert len(data) < 4096
 
 
@@ -107,7 +125,7 @@ def test_another_file_is_no_plan(tmp_path: Path) -> None:
 def test_another_version_is_refused(tmp_path: Path) -> None:
     data = GOLDEN.read_bytes()
     (tmp_path / "new").write_bytes(data[:8] + struct.pack("<I", 1) + data[12:])
-    with pytest.raises(PlanError, match=r"^new is a plan of version 1; this host reads version 2\.$"):
+    with pytest.raises(PlanError, match=r"^new is a plan of version 1; this host reads version 3\.$"):
         load_plan(tmp_path / "new")
 
 
@@ -118,11 +136,15 @@ def test_a_torn_file_is_refused(kept: int, tmp_path: Path) -> None:
         load_plan(tmp_path / "torn")
 
 
-@pytest.mark.parametrize("part", ["nodes", "primitives", "header"])
+@pytest.mark.parametrize("part", ["nodes", "primitives", "table", "header"])
 def test_a_changed_byte_is_refused(part: str, tmp_path: Path) -> None:
     data = bytearray(GOLDEN.read_bytes())
     (length,) = struct.unpack_from("<I", data, 12)
-    at = {"nodes": 48 + length, "primitives": 48 + length + 35, "header": data.index(b"void main")}[part]
+    at = (
+        {"nodes": 0, "primitives": 35, "table": 87, "header": data.index(b"void main") - 48 - length}[part]
+        + 48
+        + length
+    )
     data[at] ^= 1
     (tmp_path / "changed").write_bytes(data)
     with pytest.raises(PlanError, match="torn: its header" if part == "header" else f"{part} fails its checksum"):

@@ -19,6 +19,7 @@ from server.store import database as module
 from server.store.database import MIGRATIONS, Database, DatabaseError
 from server.store.engines import make_engine, writing_engine
 from server.store.models import Change, Job, Result, Slice, Study
+from server.store.setups import facts_of, require_setup
 
 ROOT = Path(__file__).parents[2]
 OPEN = "import sys; from server.store.database import Database; Database(sys.argv[1]).close()"
@@ -65,7 +66,9 @@ def test_what_the_first_release_kept_is_kept(empty_url: str) -> None:
         assert (job.slices[0].started_at, job.slices[0].ended_at) == (None, None)
         assert job.created_at.isoformat() == "2026-01-02T03:04:05+00:00"
         assert job.result is not None
-        assert job.result.document == {"scene": "forest"}
+        assert job.result.document == {"scene": "forest", "fetch": "storage"}
+        assert job.result.fetch == "storage"
+        assert job.result.setup_id == require_setup(session, facts_of(job.result.document))
     database.close()
 
 

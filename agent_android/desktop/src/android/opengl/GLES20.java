@@ -157,6 +157,12 @@ public class GLES20 {
         org.lwjgl.opengles.GLES20.glTexParameteri(target, name, value);
     }
 
+    public static void glTexSubImage2D(int target, int level, int x, int y, int width, int height, int format, int type,
+            Buffer pixels) {
+        org.lwjgl.opengles.GLES20.nglTexSubImage2D(target, level, x, y, width, height, format, type,
+                Shim.address(pixels));
+    }
+
     public static void glUniform1fv(int location, int count, float[] values, int offset) {
         org.lwjgl.opengles.GLES20.glUniform1fv(location, Shim.part(values, offset, count));
     }

@@ -52,6 +52,11 @@ final class Limits {
             check(need.getKey(), need.getValue());
         }
         check("TEXTURE_SIZE", Math.max(plan.width, plan.height));
+        for (Plan.Texture texture : plan.textures.values()) {
+            if (texture.data != null) {
+                check("TEXTURE_SIZE", Math.max(texture.width, texture.rows()));
+            }
+        }
         for (Plan.Pass pass : plan.passes) {
             for (int binding : pass.storage.keySet()) {
                 check("SHADER_STORAGE_BUFFER_BINDINGS", binding + 1);

@@ -19,8 +19,7 @@ final class Plan {
     final int tileWidth;
     final int tileHeight;
     final List<Buffer> buffers = new ArrayList<Buffer>();
-    /** Formats by name: rgba8, r32ui or depth24. */
-    final Map<String, String> textures = new LinkedHashMap<String, String>();
+    final Map<String, Texture> textures = new LinkedHashMap<String, Texture>();
     /** Texts by stage, by program. */
     final Map<String, Map<String, String>> programs = new LinkedHashMap<String, Map<String, String>>();
     final List<Pass> passes = new ArrayList<Pass>();
@@ -28,18 +27,44 @@ final class Plan {
     final String output;
     final Map<String, Long> needs = new LinkedHashMap<String, Long>();
 
-    /** A storage or vertex buffer of {@code bytes}; {@code offset} from the header's end, negative for scratch. */
+    /** What fills a buffer or a texture: {@code bytes}; {@code offset} from the header's end, negative for scratch. */
     static final class Buffer {
         final String name;
+        final String kind;
         final long bytes;
         final long offset;
         final String sha256;
 
-        Buffer(JSONObject entry) throws JSONException {
+        Buffer(JSONObject entry, String kind) throws JSONException {
+            this.kind = kind;
             name = entry.getString("name");
             bytes = entry.getLong("bytes");
             offset = entry.isNull("offset") ? -1 : entry.getLong("offset");
             sha256 = entry.optString("sha256");
+        }
+    }
+
+    /** A texture: rgba8, r32ui or depth24 of the image's size, or rg32ui or rgba32ui that holds data. */
+    static final class Texture {
+        final String format;
+        final int width;
+        /** The words that fill its texels row by row; null for a texture that the device fills. */
+        final Buffer data;
+
+        Texture(JSONObject entry) throws JSONException {
+            format = entry.getString("format");
+            data = entry.isNull("offset") ? null : new Buffer(entry, "texture");
+            width = data == null ? 0 : entry.getInt("width");
+        }
+
+        int texelBytes() {
+            return format.equals("rg32ui") ? 8 : 16;
+        }
+
+        /** The rows of its data, the last of which need not be full. */
+        long rows() {
+            long row = (long) width * texelBytes();
+            return Math.max((data.bytes + row - 1) / row, 1);
         }
     }
 
@@ -82,10 +107,10 @@ final class Plan {
         tileWidth = header.getJSONArray("tile").getInt(0);
         tileHeight = header.getJSONArray("tile").getInt(1);
         for (JSONObject entry : objects(header.getJSONArray("buffers"))) {
-            buffers.add(new Buffer(entry));
+            buffers.add(new Buffer(entry, "buffer"));
         }
         for (JSONObject entry : objects(header.getJSONArray("textures"))) {
-            textures.put(entry.getString("name"), entry.getString("format"));
+            textures.put(entry.getString("name"), new Texture(entry));
         }
         for (JSONObject entry : objects(header.getJSONArray("programs"))) {
             programs.put(entry.getString("name"), texts(entry));

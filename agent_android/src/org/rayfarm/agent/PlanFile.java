@@ -11,10 +11,10 @@ import java.util.Arrays;
 import org.json.JSONException;
 import org.json.JSONObject;
 
-/** A plan's file: its header read, its buffers mapped one at a time so that none has to fit into the heap. */
+/** A plan's file: its header read, its data mapped one at a time so that none has to fit into the heap. */
 final class PlanFile implements Closeable {
     private static final String MAGIC = "RAYFARM\0";
-    private static final int VERSION = 2;
+    private static final int VERSION = 3;
     private static final int HEAD = 48;
 
     final Plan plan;
@@ -41,7 +41,7 @@ final class PlanFile implements Closeable {
         }
     }
 
-    /** The bytes of a buffer that has data, checked, to be read by the driver as they lie in the file. */
+    /** The bytes of a buffer or texture that has data, checked, to be read by the driver as they lie in the file. */
     ByteBuffer data(Plan.Buffer buffer) throws IOException, AgentException {
         long start = base + buffer.offset;
         ByteBuffer data = null;
@@ -53,7 +53,7 @@ final class PlanFile implements Closeable {
             data = file.getChannel().map(FileChannel.MapMode.READ_ONLY, start, buffer.bytes);
         }
         if (data == null || !Digests.of(data).equals(buffer.sha256)) {
-            throw AgentException.failed("The plan's buffer " + buffer.name
+            throw AgentException.failed("The plan's " + buffer.kind + " " + buffer.name
                     + " fails its checksum: the file is torn.");
         }
         return data.order(ByteOrder.LITTLE_ENDIAN);

@@ -33,9 +33,11 @@ final class Resources {
             buffers.put(buffer.name, upload(buffer, buffer.offset < 0 ? null : file.data(buffer)));
             Gl.check("uploading the buffer " + buffer.name + " of " + buffer.bytes + " bytes");
         }
-        for (Map.Entry<String, String> texture : plan.textures.entrySet()) {
-            textures.put(texture.getKey(), texture(texture.getValue()));
-            Gl.check("making the texture " + texture.getKey());
+        for (Map.Entry<String, Plan.Texture> entry : plan.textures.entrySet()) {
+            Plan.Texture texture = entry.getValue();
+            textures.put(entry.getKey(), texture.data == null ? texture(texture.format, plan.width, plan.height)
+                    : filled(texture, file.data(texture.data)));
+            Gl.check("making the texture " + entry.getKey());
         }
     }
 
@@ -67,6 +69,10 @@ final class Resources {
                 return GLES30.GL_R32UI;
             case "depth24":
                 return GLES30.GL_DEPTH_COMPONENT24;
+            case "rg32ui":
+                return GLES30.GL_RG32UI;
+            case "rgba32ui":
+                return GLES30.GL_RGBA32UI;
             default:
                 throw new IllegalArgumentException("no texture format " + format);
         }
@@ -95,12 +101,31 @@ final class Resources {
         return made[0];
     }
 
-    private int texture(String format) {
+    /** A texture of data, handed over in rows, of which the last may be a part. */
+    private static int filled(Plan.Texture texture, ByteBuffer data) {
+        int made = texture(texture.format, texture.width, (int) texture.rows());
+        int order = texture.format.equals("rg32ui") ? GLES30.GL_RG_INTEGER : GLES30.GL_RGBA_INTEGER;
+        int row = texture.width * texture.texelBytes();
+        int at = 0;
+        while (at < data.capacity()) {
+            int left = data.capacity() - at;
+            int width = Math.min(left, row) / texture.texelBytes();
+            int height = Math.max(Math.min(left, CHUNK) / row, 1);
+            int count = width * height * texture.texelBytes();
+            data.limit(at + count).position(at);
+            GLES20.glTexSubImage2D(GLES20.GL_TEXTURE_2D, 0, 0, at / row, width, height, order, GLES20.GL_UNSIGNED_INT,
+                    data.slice());
+            at += count;
+        }
+        return made;
+    }
+
+    private static int texture(String format, int width, int height) {
         int[] made = new int[1];
         GLES20.glGenTextures(1, made, 0);
         int target = GLES20.GL_TEXTURE_2D;
         GLES20.glBindTexture(target, made[0]);
-        GLES30.glTexStorage2D(target, 1, internalFormat(format), plan.width, plan.height);
+        GLES30.glTexStorage2D(target, 1, internalFormat(format), width, height);
         GLES20.glTexParameteri(target, GLES20.GL_TEXTURE_MIN_FILTER, GLES20.GL_NEAREST);
         GLES20.glTexParameteri(target, GLES20.GL_TEXTURE_MAG_FILTER, GLES20.GL_NEAREST);
         return made[0];

@@ -39,7 +39,7 @@ final class Step {
         this.pass = pass;
         program = resources.programs.get(pass.program);
         framebuffer = pass.target.isEmpty() ? 0 : resources.framebuffer(pass.target);
-        unsignedColour = !pass.target.isEmpty() && plan.textures.get(pass.target.get(0)).equals("r32ui");
+        unsignedColour = !pass.target.isEmpty() && plan.textures.get(pass.target.get(0)).format.equals("r32ui");
         tiled = plan.width > plan.tileWidth || plan.height > plan.tileHeight;
         bindings = numbers(pass.storage);
         buffers = named(pass.storage.values(), resources.buffers);
@@ -50,7 +50,7 @@ final class Step {
         formats = new int[units.length];
         int image = 0;
         for (String name : pass.images.values()) {
-            formats[image++] = Resources.internalFormat(plan.textures.get(name));
+            formats[image++] = Resources.internalFormat(plan.textures.get(name).format);
         }
         uniforms = pass.uniforms.toArray(new Uniform[0]);
         locations = new int[uniforms.length];

@@ -17,7 +17,7 @@ final class PlanDump {
     private PlanDump() {
     }
 
-    /** The fields of the agent's Plan, with `data`: the bytes of each buffer that has any. */
+    /** The fields of the agent's Plan, with `data`: the bytes of each buffer and texture that has any. */
     static JSONObject of(File path) throws Exception {
         Object file = Batch.open(Batch.agent("PlanFile"), File.class).newInstance(path);
         Object plan = field(file, "plan");
@@ -25,8 +25,12 @@ final class PlanDump {
         Method read = file.getClass().getDeclaredMethod("data", Batch.agent("Plan$Buffer"));
         read.setAccessible(true);
         JSONObject data = new JSONObject();
-        for (Object buffer : (Iterable<?>) field(plan, "buffers")) {
-            if ((Long) field(buffer, "offset") >= 0) {
+        List<Object> held = new ArrayList<Object>((List<?>) field(plan, "buffers"));
+        for (Object texture : ((Map<?, ?>) field(plan, "textures")).values()) {
+            held.add(field(texture, "data"));
+        }
+        for (Object buffer : held) {
+            if (buffer != null && (Long) field(buffer, "offset") >= 0) {
                 data.put((String) field(buffer, "name"), bytes((ByteBuffer) read.invoke(file, buffer)));
             }
         }
