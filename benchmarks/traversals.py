@@ -4,7 +4,7 @@ Every variant is compiled once and then measured frame by frame in shuffled roun
 rays; ratios are taken within a round. On llvmpipe with one thread both are processor seconds, on a GPU frames are wall
 seconds. Primary and shadow rays are measured apart. The paper's traversals walk floats and, where they can, 16-bit
 boxes, all others the formats of `--nodes`; every BVH is built by each of `--builders`, and all is fetched as `--fetch`
-says. Over plain trees `bvh-stack`, the paper's and those of KD-trees are fetched both ways. Prints tables in
+says. Over plain trees `bvh-stack`, the paper's and those of KD-trees are fetched every way. Prints tables in
 Markdown; `--write` puts the best variant of each traversal between the marks in a document.
 """
 
@@ -14,8 +14,9 @@ import argparse
 import random
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from statistics import median
 
@@ -28,7 +29,7 @@ from renderer.pilot import Pilot
 from renderer.prepare import prepare
 from renderer.records import Rays
 from renderer.request import Request, parse_size
-from renderer.variant import AXES, TRAVERSALS, Variant, expand, matrix, refusal
+from renderer.variant import AXES, PAPER, TRAVERSALS, Variant, expand, matrix, refusal
 from scenes.catalogue import list_scenes
 
 SCENES = ("cornell-box", "crytek-sponza", "conference", "forest", "cornell-buddha", "happy-buddha")
@@ -39,7 +40,8 @@ HEAD = (
 )
 SUMMARY = (
     "| scene | rays | best of | variant | to embreex | to bvh-stack, fragment | compute "
-    "| to the paper's best, fragment | compute |\n|---|---|---|---|---|---|---|---|---|"
+    "| to the paper's best, fragment | compute | however it is fetched, fragment | compute |"
+    "\n|---|---|---|---|---|---|---|---|---|---|---|"
 )
 Times = dict[str, list[float]]
 
@@ -68,7 +70,8 @@ def variants(options: argparse.Namespace) -> list[Variant]:
             continue
         wanted = ("f32", "grid16") if compared else expand("nodes", options.nodes)
         nodes = [one for one in wanted if refusal(Variant(name, "compute", nodes=one)) is None] or ["f32"]
-        axes = {"traversal": (name,), "method": expand("method", options.methods), "nodes": nodes}
+        axes = {"traversal": (name,), "method": expand("method", options.methods), "layout": (options.layout,)}
+        axes["nodes"] = tuple(nodes)
         ways = {"builder": expand("builder", options.builders), "fetch": expand("fetch", options.fetch)}
         found += matrix({**axes, **ways}, options.rays[0])[0]
         if compared or row.structure == "kd":
@@ -135,13 +138,17 @@ def fastest(found: Measured, wanted: Callable[[Variant], bool]) -> str:
 
 
 def is_base(method: str) -> Callable[[Variant], bool]:
-    """Whether a variant is the reference: `bvh-stack` over the plain tree in floats."""
-    return lambda variant: variant == Variant("bvh-stack", method)
+    """Whether a variant is the reference: `bvh-stack` over the plain tree in floats, in storage buffers."""
+    return lambda variant: variant == Variant("bvh-stack", method, variant.layout)
 
 
-def is_paper(method: str) -> Callable[[Variant], bool]:
-    """Whether a variant is one of the paper's over trees as the paper builds them, however it fetches them."""
-    return lambda one: TRAVERSALS[one.traversal].paper and (one.method, one.builder) == (method, "sah")
+def is_paper(method: str, fetch: Sequence[str]) -> Callable[[Variant], bool]:
+    """Whether a variant is one of the paper's over trees as the paper builds them, fetched in one of these ways."""
+
+    def matches(one: Variant) -> bool:
+        return TRAVERSALS[one.traversal].paper and (one.method, one.builder) == (method, "sah") and one.fetch in fetch
+
+    return matches
 
 
 def best_of_each(found: Measured) -> list[str]:
@@ -172,7 +179,7 @@ def table(found: Measured, size: tuple[int, int], labels: Iterable[str]) -> str:
         wrong = "–" if isinstance(judged, str) else f"{judged.wrong:.1e}"
         edge = "–" if errors is None or errors.edge is None else f"{errors.edge:.1e}"
         stack = found.times[fastest(found, is_base(variant.method))]
-        paper = found.times[fastest(found, is_paper(variant.method))]
+        paper = found.times[fastest(found, is_paper(variant.method, PAPER["fetch"]))]
         beside = [spread(ratios(base, times)) for base in (found.embree, stack, paper)]
         cells = [label, f"{found.rays / median(times) / 1e6:.2f}", *beside, f"{found.memory[label] / 1e6:.2f}"]
         lines.append("| " + " | ".join([*cells, wrong, edge]) + " |")
@@ -181,13 +188,14 @@ def table(found: Measured, size: tuple[int, int], labels: Iterable[str]) -> str:
 
 def summary(found: Measured, methods: Iterable[str]) -> list[str]:
     """The best without packets, and the best of all; beside the reference and the paper's best of each method."""
+    bases = (is_base, partial(is_paper, fetch=PAPER["fetch"]), partial(is_paper, fetch=AXES["fetch"]))
     rows = []
     for kind, which_of in (("single rays", _is_single), ("packets", _is_packet)):
         best = fastest(found, which_of)
         times = found.times[best]
         beside = [
             spread(ratios(found.times[fastest(found, which(method))], times)) if method in methods else "–"
-            for which in (is_base, is_paper)
+            for which in bases
             for method in ("fragment", "compute")
         ]
         cells = [found.scene, found.kind, kind, best, spread(ratios(found.embree, times)), *beside]
@@ -228,7 +236,8 @@ def main() -> None:
     parser.add_argument("--traversals", default="all", help="beside those that others are held against")
     parser.add_argument("--methods", default="fragment,compute")
     parser.add_argument("--nodes", default="grid16,quant8")
-    parser.add_argument("--fetch", default="texture")
+    parser.add_argument("--fetch", default="image")
+    parser.add_argument("--layout", default="split", choices=AXES["layout"])
     parser.add_argument("--builders", default="sah,reinserted,sbvh-reinserted")
     parser.add_argument("--sah", type=costs, default=SahCosts(1.0, 1.0), metavar="CT,CI")
     parser.add_argument("--rounds", type=int, default=5)

@@ -106,10 +106,10 @@ class _Sharing(Twin):
         return self._once("buffer", data, partial(super()._upload, nbytes, data))
 
     def _filled(self, texture: Texture, data: npt.NDArray[np.uint32]) -> Any:
-        return self._once(texture.format, data, partial(super()._filled, texture, data))
+        return self._once("texture", data, partial(super()._filled, texture, data))
 
     def _once(self, kind: str, data: npt.NDArray[np.uint32], make: Callable[[], Any]) -> Any:
-        """What holds an array as a buffer, or as a texture of a format; made by the first that needs it."""
+        """What holds an array as a buffer or as a texture; made by the first that needs it."""
         key = (kind, id(data))
         if key not in self._shared:
             self._shared[key] = _Shared(make(), data)

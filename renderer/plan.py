@@ -26,8 +26,8 @@ _ALIGN = 16
 GROUP = 8
 """Compute passes run work groups of 8x8, as `shaders/render_compute.comp` declares."""
 
-TEXEL_WORDS = {"rg32ui": 2, "rgba32ui": 4}
-"""Words in a texel of the formats that hold data."""
+TEXEL_WORDS = 4
+"""Words in a texel of textures that hold data."""
 
 Words = npt.NDArray[np.uint32]
 Uniform = tuple[str, list[float]]
@@ -50,7 +50,7 @@ class Buffer:
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """A texture: `rgba8`, `r32ui` or `depth24` of the image's size, or `rg32ui` or `rgba32ui` that holds `data`.
+    """A texture: `rgba8`, `r32ui` or `depth24` of the image's size, or `rgba32ui` that holds `data`.
 
     The words of `data` fill its texels row by row, `width` to a row; the rest of the last row holds nothing.
     """
@@ -63,7 +63,7 @@ class Texture:
     @property
     def texels(self) -> int:
         """The texels that `data` fills."""
-        return 0 if self.data is None else len(self.data) // TEXEL_WORDS[self.format]
+        return 0 if self.data is None else len(self.data) // TEXEL_WORDS
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,9 @@ class Pass:
 
     `kind`: `compute` (groups of 8x8 over each tile), `draw` (the full-screen quad, scissored to each tile), `raster`
     (`vertices` drawn whole with a depth test after clearing). `phase`: `setup` runs once, untimed; `frame` every
-    frame. `storage` maps bindings, `textures` sampler uniforms and `images` image units to names. `target` names the
-    colour texture (and depth texture) drawn into. `collect` names a buffer to read back after each tile.
+    frame. `storage` maps bindings, `textures` sampler uniforms and `images` image units to names; images of textures
+    that hold data are read, others written. `target` names the colour texture (and depth texture) drawn into. `collect`
+    names a buffer to read back after each tile.
     """
 
     name: str

@@ -9,9 +9,8 @@ import numpy.typing as npt
 
 from renderer.build.tree import Kd, Tree
 from renderer.pack.api import Packed
-from renderer.pack.fetch import BINDINGS, WIDTH, rows
+from renderer.pack.fetch import BINDINGS, TEXEL_WORDS, WIDTH, image_unit, rows
 from renderer.pack.primitives import pack_raster
-from renderer.pack.schema import NODE_LAYOUTS
 from renderer.plan import Buffer, Pass, Plan, Program, Texture, Uniform
 from renderer.request import Request
 from renderer.texts import Form, present_texts, raster_texts, trace_texts
@@ -157,9 +156,10 @@ class _Planner:
         return [*steps, ("shade", _Stages(kept, "frame", (0, 0), last=True))]
 
     def _trace_pass(self, name: str, program: str, stages: _Stages) -> Pass:
-        textured = self.variant.fetch == "texture"
-        storage = {} if textured else {str(BINDINGS[name]): name for name in self.fetched}
-        textures = {name: name for name in self.fetched} if textured else {}
+        fetch = self.variant.fetch
+        storage = {str(BINDINGS[name]): name for name in self.fetched if fetch == "storage"}
+        textures = {name: name for name in self.fetched if fetch == "texture"}
+        images = {str(image_unit(name)): name for name in self.fetched if fetch == "image"}
         if any(stage.startswith("STATE_") for stage in stages.on):
             storage["3"] = "state"
         collect = None
@@ -173,12 +173,14 @@ class _Planner:
         uniforms: dict[str, Uniform] = {}
         if self.tree is None:
             uniforms = {"range_first": ("uint", [first]), "range_last": ("uint", [last])}
-        step = Pass(name, self.kind, program, stages.phase, storage, textures, uniforms=uniforms, collect=collect)
+        step = Pass(
+            name, self.kind, program, stages.phase, storage, textures, images, uniforms=uniforms, collect=collect
+        )
         if self.hybrid:
             raster = {"raster_depth": "depth", "raster_normal": "normal"}
             return replace(step, textures=textures | raster, target=["image"])
         if self.kind == "compute":
-            return replace(step, images={"0": "canvas"})
+            return replace(step, images={"0": "canvas"} | images)
         return replace(step, target=["image"])
 
     def _raster_pass(self, programs: dict[str, Program]) -> list[Pass]:
@@ -236,17 +238,9 @@ class _Planner:
             textures.append(Texture("canvas", "rgba8"))
         if self.hybrid:
             textures += [Texture("normal", "r32ui"), Texture("depth", "depth24")]
-        if self.variant.fetch == "texture":
-            textures += [self._texture_of(name, words) for name, words in self.fetched.items()]
+        if self.variant.fetch != "storage":
+            textures += [Texture(name, "rgba32ui", WIDTH, _whole_texels(words)) for name, words in self.fetched.items()]
         return textures
-
-    def _texture_of(self, name: str, words: npt.NDArray[np.uint32]) -> Texture:
-        return Texture(name, f"{'rgba'[: self._chunk(name)]}32ui", WIDTH, words)
-
-    def _chunk(self, name: str) -> int:
-        """The words in a chunk of a buffer that is fetched from."""
-        layouts = NODE_LAYOUTS.get(TRAVERSALS[self.variant.traversal].nodes)
-        return layouts[self.variant.nodes].vector if name == "nodes" and layouts is not None else 4
 
     def _uniforms(self) -> dict[str, Uniform]:
         width, height = self.request.size
@@ -276,8 +270,8 @@ class _Planner:
             # Also where the text has it: a uniform that no program names is let be.
             uniforms["grid_origin"] = ("vec3", grid.origin.tolist())
             uniforms["grid_cell"] = ("vec3", grid.cell.tolist())
-        if self.variant.fetch == "texture" and "nodes" in self.fetched:
-            uniforms["nodes_chunks"] = ("uint", [len(self.fetched["nodes"]) // self._chunk("nodes")])
+        if self.variant.fetch != "storage" and self.variant.structure == "bvh":
+            uniforms["nodes_chunks"] = ("uint", [len(self.fetched["nodes"]) // TEXEL_WORDS])
         if isinstance(self.tree, Kd):
             uniforms["root_lower"] = ("vec3", (self.tree.lower[0].astype(float) + 0.0).tolist())
             uniforms["root_upper"] = ("vec3", (self.tree.upper[0].astype(float) + 0.0).tolist())
@@ -285,15 +279,16 @@ class _Planner:
 
     def _needs(self, stateful: bool, buffers: list[Buffer]) -> dict[str, int]:
         """Device limits by GL name, without the `GL_MAX_`."""
-        textured = self.variant.fetch == "texture"
-        blocks = 0 if textured else len(self.fetched)
+        fetch = self.variant.fetch
+        blocks = len(self.fetched) if fetch == "storage" else 0
         blocks += stateful + self.instrument + 2 * (self.reads is not None)
         stage = "COMPUTE" if self.kind == "compute" else "FRAGMENT"
         largest = max((buffer.nbytes for buffer in buffers), default=0)
         needs = {f"{stage}_SHADER_STORAGE_BLOCKS": blocks, "SHADER_STORAGE_BLOCK_SIZE": largest}
-        if textured:
-            sides = [rows(len(words), self._chunk(name)) for name, words in self.fetched.items()]
-            needs["TEXTURE_SIZE"] = max(WIDTH, *sides)
+        if fetch != "storage":
+            needs["TEXTURE_SIZE"] = max(WIDTH, *(rows(len(words)) for words in self.fetched.values()))
+        if fetch == "image":
+            needs[f"{stage}_IMAGE_UNIFORMS"] = len(self.fetched) + (self.kind == "compute")
         return needs
 
     def _left_out(self) -> list[str]:
@@ -318,6 +313,11 @@ def _fetched(packed: Packed) -> dict[str, npt.NDArray[np.uint32]]:
     words = {"primitives": primitives.vertices, "normals": primitives.normals, "baked": primitives.baked}
     words["nodes"] = None if packed.nodes is None else packed.nodes.words
     return {name: held for name, held in words.items() if held is not None}
+
+
+def _whole_texels(words: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+    rest = -len(words) % TEXEL_WORDS
+    return np.concatenate([words, np.zeros(rest, np.uint32)]) if rest else words
 
 
 @dataclass(frozen=True)

@@ -45,6 +45,7 @@ class Twin:
         check_limits(context, plan)
         self._buffers = {b.name: self._upload(b.nbytes, b.data) for b in plan.buffers}
         self._textures = {texture.name: self._texture(texture) for texture in plan.textures}
+        self._held = {texture.name for texture in plan.textures if texture.data is not None}
         self._programs = {p.name: self._compile(p.name, p.stages) for p in plan.programs}
         self._vertices = {p.name: self._vertex_array(p) for p in plan.passes if p.kind != "compute"}
         self._targets = {p.name: self._framebuffer(p) for p in plan.passes if p.target}
@@ -150,7 +151,8 @@ class Twin:
             self._textures[name].use(unit)
             self._set(program, sampler, ("int", [unit]))
         for unit_name, name in step.images.items():
-            self._textures[name].bind_to_image(int(unit_name), read=False, write=True)
+            held = name in self._held
+            self._textures[name].bind_to_image(int(unit_name), read=held, write=not held)
         self._set_uniforms(program, step.uniforms)
 
     # Making ready
@@ -175,10 +177,10 @@ class Twin:
 
     def _filled(self, texture: Texture, data: npt.NDArray[np.uint32]) -> Any:
         """A texture of words: whole rows first, then what the last one holds."""
-        width, words = texture.width or 1, TEXEL_WORDS[texture.format]
+        width = texture.width or 1
         rows, rest = divmod(texture.texels, width)
-        made = self.context.texture((width, max(rows + (rest > 0), 1)), words, dtype="u4", alignment=4)
-        whole = rows * width * words
+        made = self.context.texture((width, max(rows + (rest > 0), 1)), TEXEL_WORDS, dtype="u4")
+        whole = rows * width * TEXEL_WORDS
         if rows:
             made.write(data[:whole].tobytes(), (0, 0, width, rows))
         if rest:

@@ -64,7 +64,7 @@ AXES: dict[str, tuple[str, ...]] = {
     "precision": ("highp", "mediump"),
     "offset": ("constant", "bounded"),
     "builder": ("sah", "binned", "median", "reinserted", "sbvh", "sbvh-reinserted", "clipped"),
-    "fetch": ("storage", "texture"),
+    "fetch": ("storage", "texture", "image"),
 }
 
 KD_BUILDERS = ("sah", "clipped")

@@ -9,9 +9,9 @@ const int MISSED = 0x7fffffff;       // beyond every entry
 int quad_entry[4];
 uint quad_link[4];
 
-// The farther of two children comes first.
-void quad_order(int a, int b) {
-    bool swap = quad_entry[a] < quad_entry[b];
+// The farther of two children comes first, unless any hit will do.
+void quad_order(int a, int b, const bool any_hit) {
+    bool swap = !any_hit && quad_entry[a] < quad_entry[b];
     int entry = quad_entry[a];
     uint link = quad_link[a];
     quad_entry[a] = swap ? quad_entry[b] : entry;
@@ -42,9 +42,9 @@ void trace(const bool any_hit) {
             quad_test(1);
             quad_test(2);
             quad_test(3);
-            quad_order(0, 1);
-            quad_order(2, 3);
-            quad_order(1, 3);
+            quad_order(0, 1, any_hit);
+            quad_order(2, 3, any_hit);
+            quad_order(1, 3, any_hit);
             stack[top + 1] = quad_link[0];
             top += int(quad_entry[0] != MISSED);
             stack[top + 1] = quad_link[1];

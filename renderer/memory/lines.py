@@ -50,7 +50,7 @@ def model_lines(prepared: Prepared, host: Host) -> Lines:
         return Lines(None, 0, "Not modelled: brute force runs in passes here, whose reads are not recorded.")
     if TRAVERSALS[prepared.request.variant.traversal].packet:
         return Lines(None, 0, "Not modelled: the pixels of a packet share its reads.")
-    if prepared.request.variant.fetch == "texture":
+    if prepared.request.variant.fetch != "storage":
         return Lines(None, 0, "Not modelled: how the texels of a texture lie in memory is the driver's.")
     if host.device()["kind"] != "twin":
         return Lines(None, 0, "Not modelled: reads are recorded on llvmpipe only; import a profile for a phone's.")

@@ -272,8 +272,8 @@ def _fetch_node(layout: NodeLayout, grid: Grid | None, fetch: str) -> list[str]:
     lines += [f"const int NODE_WORDS = {(4 if packed is not None else 7) + (parent is not None)};"]
     if layout.order == "octants":
         shift = 4 if layout.words == 8 else 3
-        lines += ["uniform uint nodes_chunks;"] if fetch == "texture" else []
-        chunks = "nodes_chunks" if fetch == "texture" else "uint(nodes.length())"
+        lines += ["uniform uint nodes_chunks;"] if fetch != "storage" else []
+        chunks = "nodes_chunks" if fetch != "storage" else "uint(nodes.length())"
         lines.append(f"uint node_copy(uint octant) {{ return octant * ({chunks} >> {shift}); }}")
     head = "void fetch_node(uint node, out vec3 lower, out vec3 upper, out uint link"
     lines += [f"{head}{', out uint links' if parent is not None else ''}) {{", "    uvec4 low = node_chunk(node, 0u);"]

@@ -154,7 +154,7 @@ def test_without_fragment_storage_textures_are_fetched_from(agent: Batch, method
 
 def test_rows_that_a_texture_has_no_room_for_are_refused(agent: Batch) -> None:
     plan = box()
-    tall = Texture("tall", "rg32ui", 8, np.zeros(8 * 2 * 30 + 2, np.uint32))
+    tall = Texture("tall", "rgba32ui", 8, np.zeros(8 * 4 * 30 + 4, np.uint32))
     found = agent.run(replace(plan, textures=(*plan.textures, tall)), {"RAYFARM_SHIM_LIMITS": "MAX_TEXTURE_SIZE=30"})
     assert (found.outcome, found.reason) == (
         "refused",

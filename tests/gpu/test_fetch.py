@@ -48,53 +48,57 @@ def same(first: Records, second: Records) -> bool:
 def test_a_texture_gives_what_a_storage_buffer_gives(variant: Variant) -> None:
     scene = catalogue_scene(SCENE)
     stored = run(scene, variant, SIZE)
-    fetched = run(scene, replace(variant, fetch="texture"), SIZE)
-    assert same(stored.records, fetched.records)
-    assert np.array_equal(stored.image, fetched.image)
-    assert max(texture.texels for texture in fetched.plan.textures) > WIDTH
-    assert {one.name for one in fetched.plan.buffers} <= {"records", "state", "corners"}
+    for fetch in ("texture", "image"):
+        fetched = run(scene, replace(variant, fetch=fetch), SIZE)
+        assert same(stored.records, fetched.records)
+        assert np.array_equal(stored.image, fetched.image)
+        assert max(texture.texels for texture in fetched.plan.textures) > WIDTH
+        assert {one.name for one in fetched.plan.buffers} <= {"records", "state", "corners"}
 
 
 @pytest.mark.parametrize("traversal", [name for name in TRAVERSALS if name != "brute-force"])
 def test_the_general_text_fetches_the_same(traversal: str) -> None:
     scene = catalogue_scene(SCENE)
-    variant = Variant(traversal, "compute", fetch="texture")
+    variant = Variant(traversal, "compute", fetch="image")
     assert same(run(scene, variant, SIZE).records, run(scene, variant, SIZE, specialise=False).records)
 
 
+@pytest.mark.parametrize("fetch", ["texture", "image"])
 @pytest.mark.parametrize("vector", [2, 4])
 @pytest.mark.parametrize("texels", [1, WIDTH - 1, WIDTH, WIDTH + 1, 3 * WIDTH, 3 * WIDTH + 5])
-def test_every_chunk_is_where_it_is_looked_for(vector: int, texels: int) -> None:
-    words = np.random.default_rng(texels).integers(0, 1 << 32, texels * vector, np.uint32)
-    found = chunks_read(words, vector, texels)
+def test_every_chunk_is_where_it_is_looked_for(fetch: str, vector: int, texels: int) -> None:
+    words = np.random.default_rng(texels).integers(0, 1 << 32, texels * 4, np.uint32)
+    found = chunks_read(words, vector, fetch)
     assert np.array_equal(found, words.reshape(-1, vector).sum(axis=1, dtype=np.uint32))
-    assert rows(len(words), vector) == -(-texels // WIDTH)
+    assert rows(len(words)) == -(-texels // WIDTH)
 
 
-def chunks_read(words: Words, vector: int, texels: int) -> Words:
+def chunks_read(words: Words, vector: int, fetch: str) -> Words:
     """The sum of each chunk's words, as a shader reads them."""
+    chunks = len(words) // vector
     text = "\n".join(
         [
             "#version 310 es",
             "precision highp float;",
             "layout(local_size_x = 64) in;",
             "layout(std430, binding = 4) writeonly restrict buffer Found { uint found[]; };",
-            reader("nodes", "texture", vector),
+            reader("nodes", fetch, vector),
             f"uint sum(uvec{vector} c) {{ return {' + '.join(f'c.{name}' for name in 'xyzw'[:vector])}; }}",
             "void main() {",
             "    uint i = gl_WorkGroupID.y * 64u + gl_LocalInvocationIndex;",
-            f"    if (i < {texels}u) {{",
+            f"    if (i < {chunks}u) {{",
             "        found[i] = sum(nodes_at(i));",
             "    }",
             "}",
         ]
     )
-    table = Texture("nodes", f"{'rgba'[:vector]}32ui", WIDTH, words)
-    step = Pass("sum", "compute", "sum", textures={"nodes": "nodes"})
-    # The image's groups of 8x8 make as many invocations as there are texels, or more.
-    plan = Plan((8, 8 * -(-texels // 64)), (8, 8 * -(-texels // 64)), (), (table,), (), (), {}, "nodes", {})
+    table = Texture("nodes", "rgba32ui", WIDTH, words)
+    sampled, loaded = ({"nodes": "nodes"}, {}) if fetch == "texture" else ({}, {"1": "nodes"})
+    step = Pass("sum", "compute", "sum", textures=sampled, images=loaded)
+    # The image's groups of 8x8 make as many invocations as there are chunks, or more.
+    plan = Plan((8, 8 * -(-chunks // 64)), (8, 8 * -(-chunks // 64)), (), (table,), (), (), {}, "nodes", {})
     twin = Twin(context(), replace(plan, programs=(Program("sum", {"compute": text}),), passes=(step,)))
-    answer = context().buffer(reserve=texels * 4)
+    answer = context().buffer(reserve=chunks * 4)
     answer.bind_to_storage_buffer(4)
     twin.frame()
     found = np.frombuffer(answer.read(), np.uint32)
@@ -130,7 +134,7 @@ def test_plans_share_a_texture_and_the_last_gives_it_back() -> None:
     shared = host._held
     assert sorted((kind, one.users) for (kind, _), one in shared.items()) == [
         *(("buffer", 1) for _ in range(2)),
-        *(("rgba32ui", 2) for _ in range(2)),
+        *(("texture", 2) for _ in range(2)),
     ]
     host.forget(first)
     assert np.array_equal(host.measure(second, 1, lambda: None).image, images[0])

@@ -32,7 +32,7 @@ PLAN = Plan(
         Texture("image", "rgba8"),
         Texture("canvas", "rgba8"),
         Texture("depth", "depth24"),
-        Texture("table", "rg32ui", 4, np.arange(10, dtype=np.uint32)),
+        Texture("table", "rgba32ui", 2, np.arange(12, dtype=np.uint32)),
     ),
     programs=(
         Program("trace", {"compute": TEXT}),
@@ -45,7 +45,7 @@ PLAN = Plan(
             "trace",
             "setup",
             storage={"0": "nodes", "1": "primitives", "3": "state"},
-            images={"0": "canvas"},
+            images={"0": "canvas", "1": "table"},
             uniforms={"range_first": ("uint", [0]), "range_last": ("uint", [4294967295])},
         ),
         Pass(
@@ -98,7 +98,7 @@ def test_the_layout_is_as_written_down() -> None:
     assert {entry["name"]: entry["offset"] for entry in header["textures"] if entry["bytes"] is not None} == {
         "table": 48
     }
-    assert data[48 + length :][48:88] == struct.pack("<10I", *range(10))
+    assert data[48 + length :][48:96] == struct.pack("<12I", *range(12))
     assert len(data) == HEAD + length + 96
     assert len(data) < 4096
 

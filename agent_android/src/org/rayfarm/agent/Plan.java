@@ -44,8 +44,10 @@ final class Plan {
         }
     }
 
-    /** A texture: rgba8, r32ui or depth24 of the image's size, or rg32ui or rgba32ui that holds data. */
+    /** A texture: rgba8, r32ui or depth24 of the image's size, or rgba32ui that holds data. */
     static final class Texture {
+        static final int TEXEL_BYTES = 16;
+
         final String format;
         final int width;
         /** The words that fill its texels row by row; null for a texture that the device fills. */
@@ -57,13 +59,9 @@ final class Plan {
             width = data == null ? 0 : entry.getInt("width");
         }
 
-        int texelBytes() {
-            return format.equals("rg32ui") ? 8 : 16;
-        }
-
         /** The rows of its data, the last of which need not be full. */
         long rows() {
-            long row = (long) width * texelBytes();
+            long row = (long) width * TEXEL_BYTES;
             return Math.max((data.bytes + row - 1) / row, 1);
         }
     }

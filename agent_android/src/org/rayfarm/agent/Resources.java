@@ -69,8 +69,6 @@ final class Resources {
                 return GLES30.GL_R32UI;
             case "depth24":
                 return GLES30.GL_DEPTH_COMPONENT24;
-            case "rg32ui":
-                return GLES30.GL_RG32UI;
             case "rgba32ui":
                 return GLES30.GL_RGBA32UI;
             default:
@@ -104,17 +102,16 @@ final class Resources {
     /** A texture of data, handed over in rows, of which the last may be a part. */
     private static int filled(Plan.Texture texture, ByteBuffer data) {
         int made = texture(texture.format, texture.width, (int) texture.rows());
-        int order = texture.format.equals("rg32ui") ? GLES30.GL_RG_INTEGER : GLES30.GL_RGBA_INTEGER;
-        int row = texture.width * texture.texelBytes();
+        int row = texture.width * Plan.Texture.TEXEL_BYTES;
         int at = 0;
         while (at < data.capacity()) {
             int left = data.capacity() - at;
-            int width = Math.min(left, row) / texture.texelBytes();
+            int width = Math.min(left, row) / Plan.Texture.TEXEL_BYTES;
             int height = Math.max(Math.min(left, CHUNK) / row, 1);
-            int count = width * height * texture.texelBytes();
+            int count = width * height * Plan.Texture.TEXEL_BYTES;
             data.limit(at + count).position(at);
-            GLES20.glTexSubImage2D(GLES20.GL_TEXTURE_2D, 0, 0, at / row, width, height, order, GLES20.GL_UNSIGNED_INT,
-                    data.slice());
+            GLES20.glTexSubImage2D(GLES20.GL_TEXTURE_2D, 0, 0, at / row, width, height, GLES30.GL_RGBA_INTEGER,
+                    GLES20.GL_UNSIGNED_INT, data.slice());
             at += count;
         }
         return made;

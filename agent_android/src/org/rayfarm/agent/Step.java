@@ -27,7 +27,8 @@ final class Step {
     private final int[] samplers;
     private final int[] sampled;
     private final int[] units;
-    private final int[] written;
+    private final int[] images;
+    private final int[] accesses;
     private final int[] formats;
     private final Uniform[] uniforms;
     private final int[] locations;
@@ -46,11 +47,14 @@ final class Step {
         samplers = locations(pass.textures);
         sampled = named(pass.textures.values(), resources.textures);
         units = numbers(pass.images);
-        written = named(pass.images.values(), resources.textures);
+        images = named(pass.images.values(), resources.textures);
+        accesses = new int[units.length];
         formats = new int[units.length];
         int image = 0;
         for (String name : pass.images.values()) {
-            formats[image++] = Resources.internalFormat(plan.textures.get(name).format);
+            Plan.Texture texture = plan.textures.get(name);
+            accesses[image] = texture.data == null ? GLES31.GL_WRITE_ONLY : GLES31.GL_READ_ONLY;
+            formats[image++] = Resources.internalFormat(texture.format);
         }
         uniforms = pass.uniforms.toArray(new Uniform[0]);
         locations = new int[uniforms.length];
@@ -101,7 +105,7 @@ final class Step {
             }
         }
         for (int i = 0; i < units.length; i++) {
-            GLES31.glBindImageTexture(units[i], written[i], 0, false, 0, GLES31.GL_WRITE_ONLY, formats[i]);
+            GLES31.glBindImageTexture(units[i], images[i], 0, false, 0, accesses[i], formats[i]);
         }
         for (int i = 0; i < uniforms.length; i++) {
             uniforms[i].set(locations[i]);
