@@ -4,8 +4,8 @@ Every variant is compiled once and then measured frame by frame in shuffled roun
 rays; ratios are taken within a round. On llvmpipe with one thread both are processor seconds, on a GPU frames are wall
 seconds. Primary and shadow rays are measured apart. The paper's traversals walk floats and, where they can, 16-bit
 boxes, all others the formats of `--nodes`; every BVH is built by each of `--builders`, and all is fetched as `--fetch`
-says. Over plain trees `bvh-stack`, the paper's and those of KD-trees are fetched every way. Prints tables in
-Markdown; `--write` puts the best variant of each traversal between the marks in a document.
+says. Over plain trees `bvh-stack`, the paper's and those of KD-trees are fetched from storage buffers too. Prints
+tables in Markdown; `--write` puts the best variant of each traversal between the marks in a document.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def variants(options: argparse.Namespace) -> list[Variant]:
         ways = {"builder": expand("builder", options.builders), "fetch": expand("fetch", options.fetch)}
         found += matrix({**axes, **ways}, options.rays[0])[0]
         if compared or row.structure == "kd":
-            found += matrix({**axes, "builder": ("sah",), "fetch": AXES["fetch"]}, options.rays[0])[0]
+            found += matrix({**axes, "builder": ("sah",), "fetch": PAPER["fetch"]}, options.rays[0])[0]
     return list(dict.fromkeys(found))
 
 

@@ -20,7 +20,13 @@ from server.settings import Settings
 from server.slices import SliceRunner
 from server.worker import Worker
 
-AXES = {"traversal": "bvh-stack,bvh-restart-trail", "method": "fragment,hybrid", "layout": "normal", "nodes": "f32"}
+AXES = {
+    "traversal": "bvh-stack,bvh-restart-trail",
+    "method": "fragment,hybrid",
+    "layout": "normal",
+    "nodes": "f32",
+    "fetch": "storage",
+}
 
 
 @pytest.fixture

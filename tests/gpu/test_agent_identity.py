@@ -17,6 +17,9 @@ SIZE = (96, 64)
 TILE = (32, 24)
 SCENES = ("cornell-box", "cornell-statue:2000")
 VARIANTS, _ = matrix({axis: AXES[axis] for axis in ("traversal", "method", "layout")})
+TEXTURES, _ = matrix(
+    {"traversal": ("bvh-stack", "kd-short-stack"), "method": AXES["method"], "fetch": ("texture", "image")}
+)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +56,7 @@ def same_image(agent: Batch, plan: Plan) -> None:
     np.testing.assert_array_equal(np.frombuffer(blob.data, np.uint8).reshape(expected.shape), expected)
 
 
-@pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: variant.label.replace(" ", "-"))
+@pytest.mark.parametrize("variant", [*VARIANTS, *TEXTURES], ids=lambda variant: variant.label.replace(" ", "-"))
 @pytest.mark.parametrize("name", SCENES)
 def test_hit_records_and_images_are_identical(agent: Batch, name: str, variant: Variant) -> None:
     plans = prepared(catalogue_scene(name), variant, SIZE)
