@@ -20,12 +20,14 @@ LAYOUTS = (
     "intersector",
     "nodes",
     "builder",
+    "fetch",
     "traversal,method",
     "traversal,layout",
     "traversal,method,layout",
     "traversal,intersector",
     "traversal,nodes",
     "traversal,builder",
+    "traversal,fetch",
     "scene",
 )
 COLUMNS = (
@@ -33,6 +35,7 @@ COLUMNS = (
     "device",
     "method",
     "layout",
+    "fetch",
     "scene,method",
     "scene,layout",
     "scene,device",

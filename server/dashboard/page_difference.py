@@ -29,7 +29,7 @@ router = APIRouter(include_in_schema=False)
 
 OFFERED = 20
 """How many studies and jobs the form offers."""
-LIKELY = ("device", "traversal", "method", "layout", "builder", "sah", "specialise", "size")
+LIKELY = ("device", "traversal", "method", "layout", "builder", "fetch", "sah", "specialise", "size")
 """What the form offers to choose sides by."""
 SHOWN = 500
 """The most pairs on a page; the API gives all."""
