@@ -58,8 +58,8 @@ def build_bvh(boxes: Floats, costs: SahCosts, method: BvhMethod = "sah", max_dep
     "sah" cuts each node where the surface area heuristic is least over all cuts of the centroids' order on three
     axes, and makes a leaf where that costs no more; "binned" does so in small nodes, and cuts larger ones between
     bins along their longest axis. "median" cuts the longest axis in the middle down to leaves of 4, and so do the
-    others where their splits could lead below `max_depth`. That bound holds for up to 2**max_depth triangles. Moving
-    keeps its order, so equal input gives equal bytes. Raises ValueError for no triangles.
+    others where their splits could lead below `max_depth`. That bound holds for up to 2**max_depth triangles.
+    Equal input gives equal bytes. Raises ValueError for no triangles.
     """
     if len(boxes) == 0:
         raise ValueError("A tree needs at least one triangle; give a scene that has some.")
