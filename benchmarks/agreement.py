@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import argparse
 
-from renderer.accuracy import identical, judge
 from renderer.instrumented import records_of
-from renderer.oracle import Oracle
+from renderer.judge.accuracy import identical, judge
+from renderer.judge.oracle import Oracle
 from renderer.plan import PlanError
 from renderer.prepare import prepare
 from renderer.records import Records

@@ -10,8 +10,8 @@ import argparse
 from typing import Any
 
 from renderer.bench import Result, run_jobs
-from renderer.difference import share_interval
 from renderer.request import Request
+from renderer.times.difference import share_interval
 from server.cli.alarms import show_alarms
 from server.comparison.differences import DEFAULT_GATE, Pair, pair_of
 

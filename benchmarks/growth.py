@@ -25,7 +25,7 @@ from renderer.build.cache import Kind
 from renderer.build.make import build_uncached, compile_builder
 from renderer.build.tree import Builder, Floats, SahCosts
 from renderer.kept_twins import KeptTwins
-from renderer.pilot import Pilot
+from renderer.recommend.pilot import Pilot
 from renderer.request import Request
 from renderer.variant import Variant
 from scenes.load import load

@@ -13,12 +13,12 @@ import sys
 from dataclasses import dataclass
 
 from renderer.answering import silent
-from renderer.interval import median
 from renderer.kept_twins import KeptTwins
-from renderer.paired import paired_ratio
-from renderer.pilot import Pilot
-from renderer.recommend import Terms, recommend
+from renderer.recommend.halving import Terms, recommend
+from renderer.recommend.pilot import Pilot
 from renderer.request import Request, parse_size
+from renderer.times.interval import median
+from renderer.times.paired import paired_ratio
 from renderer.variant import TRAVERSALS, expand, matrix
 from scenes.catalogue import list_scenes
 

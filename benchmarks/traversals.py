@@ -23,10 +23,10 @@ from statistics import median
 from renderer.answering import silent
 from renderer.build.tree import SahCosts
 from renderer.instrumented import records_of
+from renderer.judge.oracle import Oracle
 from renderer.kept_twins import KeptTwins
-from renderer.oracle import Oracle
-from renderer.pilot import Pilot
 from renderer.prepare import prepare
+from renderer.recommend.pilot import Pilot
 from renderer.records import Rays
 from renderer.request import Request, parse_size
 from renderer.variant import AXES, PAPER, TRAVERSALS, Variant, expand, matrix, refusal

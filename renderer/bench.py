@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from renderer.child import ChildError, run_child
-from renderer.interval import median, median_interval
 from renderer.phone_compile.result import result_of
 from renderer.request import Request
+from renderer.times.interval import median, median_interval
 
 Result = dict[str, Any]
 RunSlice = Callable[[Request, int], dict[str, Any]]
@@ -26,7 +26,7 @@ def run_slice(
     """Run one slice in a fresh child process and return its measurement; raise ChildError with the reason if it fails.
 
     A slice may measure for `timeout_s` seconds; waiting for another measurement on this host does not count. The first
-    round's pictures go into the folder `pictures` (`renderer.pictures`).
+    round's pictures go into the folder `pictures` (`renderer.pictures.files`).
     """
     task = {"request": request.to_json(), "round": round_index, "pictures": None if pictures is None else str(pictures)}
     return run_child("renderer.slice", task, request.threads, timeout_s)

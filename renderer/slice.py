@@ -19,11 +19,11 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.answering import Say, answer_task, silent
-from renderer.counts import METRICS, Counts, count_pixels
 from renderer.host import Host
 from renderer.instrumented import records_of, refuse_cut
 from renderer.locks import holding, machine_lock
 from renderer.phases import Phases, process_age_s
+from renderer.pictures.counts import METRICS, Counts, count_pixels
 from renderer.plan import VERSION, Plan
 from renderer.planner import in_passes
 from renderer.prepare import Prepared, prepare, prepare_again
@@ -33,8 +33,8 @@ from renderer.twin_host import TwinHost
 
 # Judging takes the referee's compiler and Embree, drawing takes an image library; most rounds do neither.
 if TYPE_CHECKING:
-    from renderer.accuracy import Errors
-    from renderer.oracle import Oracle
+    from renderer.judge.accuracy import Errors
+    from renderer.judge.oracle import Oracle
 
 Measurement = dict[str, Any]
 
@@ -96,7 +96,7 @@ def measure(
                     _add_models(measurement, ready, records, host)
             if pictures is not None:
                 with phases.timed("pictures"):
-                    from renderer.pictures import write_pictures
+                    from renderer.pictures.files import write_pictures
 
                     counts = _counts(ready.prepared, records)
                     measurement["pictures"] = write_pictures(pictures, timed.image, counts)
@@ -120,7 +120,7 @@ def _make_ready(request: Request, round_index: int, host: Host, phases: Phases) 
     oracle = None
     if paced or (first and request.check != "none"):
         with phases.timed("judging"):
-            from renderer.oracle import Oracle
+            from renderer.judge.oracle import Oracle
 
             oracle = Oracle(prepared.scene.vertices, prepared.scene.faces)
     with phases.timed("preparing"):
@@ -142,7 +142,7 @@ def _against(ready: _Ready, records: Records | None) -> Callable[[], float] | No
 
 
 def _judged(ready: _Ready, records: Records, image: npt.NDArray[np.uint8]) -> Errors:
-    from renderer.accuracy import judge
+    from renderer.judge.accuracy import judge
 
     prepared, request = ready.prepared, ready.prepared.request
     tree = prepared.referee_tree() if request.check in ("referee", "image") else None
@@ -152,8 +152,8 @@ def _judged(ready: _Ready, records: Records, image: npt.NDArray[np.uint8]) -> Er
     if request.check != "image":
         return errors
     assert tree is not None
-    from renderer.image_error import image_error
-    from renderer.truth_image import truth_image
+    from renderer.judge.image_error import image_error
+    from renderer.judge.truth_image import truth_image
 
     away = image_error(image, truth_image(scene, tree, request.size, request.camera, request.rays))
     return replace(errors, flip=away.flip, psnr=away.psnr)
@@ -202,7 +202,7 @@ def _frames_of(request: Request, round_index: int) -> int:
 def _facts(prepared: Prepared, plan: Plan, records: Records) -> Measurement:
     from importlib.metadata import version
 
-    from renderer.accuracy import answers_sha
+    from renderer.judge.accuracy import answers_sha
 
     tree = prepared.tree
     return {

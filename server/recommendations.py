@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from renderer.build.tree import SahCosts
-from renderer.recommend import ROUNDS
-from renderer.recommend_query import ERROR_BUDGET, Query, make_query
+from renderer.recommend.halving import ROUNDS
+from renderer.recommend.query import ERROR_BUDGET, Query, make_query
 from scenes.scene import Camera
 from server.considered import considered
 from server.scene_list import is_here, require_scene

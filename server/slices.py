@@ -55,7 +55,7 @@ class SliceRunner:
             await asyncio.to_thread(ledger.note, self.database, held, text)
 
         task: Json = {"query": query}
-        module = "renderer.recommending"
+        module = "renderer.recommend.task"
         if self._is_phone(held.device):
             module = "server.devices.phone_recommending"
             deadline_s = self.settings.slice_timeout_s * AGENT_SHARE

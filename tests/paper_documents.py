@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.pictures import write_pictures
+from renderer.pictures.files import write_pictures
 from server.paper.data import COSTS, TRAVERSALS, Cell
 
 Json = dict[str, Any]

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.counts import METRICS
-from renderer.pictures import write_pictures
+from renderer.pictures.counts import METRICS
+from renderer.pictures.files import write_pictures
 from renderer.request import Request
 from renderer.variant import Variant
 from server.pictures.taken import take_up

@@ -29,8 +29,8 @@ FAULTS = ("nan", "cut", "overrun")
 class Cell:
     """What came of `rays` rays of a family's case, asked for their closest hits and again for any.
 
-    `false_hit`, `false_miss`, `wrong_primitive`, `edge` as in `renderer.court`; `hole` counts misses of rays that must
-    hit by construction, near an edge as well. `any_*` are answers to "any hit". `nan` counts answers that are no
+    `false_hit`, `false_miss`, `wrong_primitive`, `edge` as in `renderer.judge.court`; `hole` counts misses of rays that
+    must hit by construction, near an edge as well. `any_*` are answers to "any hit". `nan` counts answers that are no
     number, `cut` rays whose loops were ended, `overrun` rays that visited more than their tree's bound, `differs`
     answers whose bits are not those of the reference (bvh-stack, widened boxes, f32 nodes). `self_hit` counts spawned
     rays, of `spawned`, that hit the triangle they left; `unexpected` those that found something where

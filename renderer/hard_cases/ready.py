@@ -9,14 +9,14 @@ from typing import Any, cast
 
 import numpy as np
 
-from renderer import referee
 from renderer.build.api import build
 from renderer.build.chain import chain_bvh
 from renderer.build.tree import Builder, Bvh, Tree
-from renderer.court import Court
+from renderer.judge import referee
+from renderer.judge.court import Court
+from renderer.judge.referee import Verdict
 from renderer.ray_plan import Answer
 from renderer.records import Rays
-from renderer.referee import Verdict
 from renderer.variant import Variant
 from scenes.hard_cases import Family, HardCase
 from scenes.hard_cases.shapes import about

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer import referee
 from renderer.build.tree import KD_LEAF, Bvh, Tree
-from renderer.court import EDGE, FALSE_HIT, FALSE_MISS, WRONG_PRIMITIVE, Kinds, settle
 from renderer.hard_cases.ready import Ready
+from renderer.judge import referee
+from renderer.judge.court import EDGE, FALSE_HIT, FALSE_MISS, WRONG_PRIMITIVE, Kinds, settle
 from renderer.ray_plan import Answer
 from renderer.records import Flags, Rays
 from renderer.variant import Variant

@@ -176,7 +176,7 @@ SCALE = (
     Family(
         "products-overflow",
         "At 2^50 the determinant of a triangle is beyond float32.",
-        "method.md, Error; renderer/referee/bound.py",
+        "method.md, Error; renderer/judge/referee/bound.py",
         partial(beyond, power=50.0),
     ),
     Family(
@@ -188,7 +188,7 @@ SCALE = (
     Family(
         "products-underflow",
         "At 2^-50 the determinant of a triangle is below float32.",
-        "method.md, Error; renderer/referee/bound.py",
+        "method.md, Error; renderer/judge/referee/bound.py",
         partial(beyond, power=-50.0),
     ),
     Family(

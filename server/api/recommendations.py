@@ -10,8 +10,8 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from renderer.build.tree import SahCosts
-from renderer.recommend import ROUNDS
-from renderer.recommend_query import ERROR_BUDGET, read_bytes
+from renderer.recommend.halving import ROUNDS
+from renderer.recommend.query import ERROR_BUDGET, read_bytes
 from scenes.scene import Camera
 from server.api.bodies import Axes, Body, CameraBody, Costs, CostsBody, Name, Priority, Size
 from server.api.idempotency import Answer, SubmissionOf, answer_once, earlier_answer

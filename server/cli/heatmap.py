@@ -16,7 +16,7 @@ from server.cli.common import SOME_FAILED, JsonFlag, print_json
 from server.cli.options import CameraOption, OptionError, SahOption, SceneArgument, SizeOption
 
 if TYPE_CHECKING:
-    from renderer.counts import Counts
+    from renderer.pictures.counts import Counts
     from renderer.request import Request
     from server.cli.plan import Here
 
@@ -51,7 +51,7 @@ def heatmap(
     as_json: JsonFlag = False,
 ) -> None:
     """Draw how many nodes every pixel's rays fetch, several variants side by side on one scale."""
-    from renderer.heatmap import require_metric
+    from renderer.pictures.heatmap import require_metric
     from renderer.request import parse_size
     from server.cli.plan import plan_here, print_refused, read_camera, read_costs
     from server.studies import Study
@@ -77,7 +77,7 @@ def _writable(path: Path) -> Path:
 
 def _count(here: Here, metric: str, *, quiet: bool) -> list[Counts]:
     from renderer.child import ChildError
-    from renderer.heatmap import heatmap as count
+    from renderer.pictures.heatmap import heatmap as count
 
     maps = []
     with Console(stderr=True, quiet=quiet).status("") as status:
@@ -92,9 +92,9 @@ def _count(here: Here, metric: str, *, quiet: bool) -> list[Counts]:
 
 
 def _show(here: Here, maps: Sequence[Counts], metric: str, top: int | None, path: Path, as_json: bool) -> None:
-    from renderer.counts import METRICS
-    from renderer.heatmap import summarise
-    from renderer.heatmap_picture import Panel, draw
+    from renderer.pictures.counts import METRICS
+    from renderer.pictures.heatmap import summarise
+    from renderer.pictures.heatmap_picture import Panel, draw
 
     panels = [Panel(_title(request, here), counts) for request, counts in zip(here.requests, maps, strict=True)]
     try:

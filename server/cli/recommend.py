@@ -16,7 +16,7 @@ from server.considered import considered
 from server.store.defaults import LLVMPIPE
 
 if TYPE_CHECKING:
-    from renderer.recommend_query import Query
+    from renderer.recommend.query import Query
     from server.cli.plan import Here
     from server.recommendations import Wanted
 
@@ -62,7 +62,7 @@ def recommend(
     by side at the full size. Axes take a value, a comma list, paper or all. The exit code is 1 when nothing that was
     considered runs within the budgets.
     """
-    from renderer.recommend_query import read_bytes
+    from renderer.recommend.query import read_bytes
     from renderer.request import parse_size
     from server.cli.plan import read_camera, read_costs
     from server.recommendations import Wanted
@@ -112,7 +112,7 @@ def _refused(here: Here) -> list[Json]:
 def _run(query: Query, device: str | None, via: str, *, quiet: bool) -> Json:
     from renderer.child import run_child
 
-    module = "renderer.recommending"
+    module = "renderer.recommend.task"
     task: Json = {"query": query.to_json()}
     if device is not None:
         from server.devices.agent_host import DEADLINE_S, AgentHost

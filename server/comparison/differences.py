@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from renderer.difference import Difference, by_round, difference
+from renderer.times.difference import Difference, by_round, difference
 from renderer.variant import AXES
 from server.comparison.derived import sah_text, specialise_text
 

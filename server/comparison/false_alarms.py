@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from statistics import quantiles
 from typing import Any
 
-from renderer.difference import share_interval
-from renderer.interval import median
+from renderer.times.difference import share_interval
+from renderer.times.interval import median
 from server.comparison.differences import DEFAULT_GATE, Pair, environment_of, pair_of, setup_of
 
 Json = dict[str, Any]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from renderer.difference import Difference, DifferenceError
+from renderer.times.difference import Difference, DifferenceError
 from server.comparison.differences import Pair, pair_of
 
 if TYPE_CHECKING:
@@ -30,8 +30,8 @@ SOFTWARE = ("rayfarm", "plan", "shader_sha")
 class Ratio:
     """A cell's figure by that of its baseline; above 1 it is the larger one.
 
-    `low` and `high` bound it with 95 % confidence and `verdict` is that of `renderer.difference`, both by the rounds'
-    frames; None where the metric has none. `value` is None where no ratio can be made, and `note` then says why.
+    `low` and `high` bound it with 95 % confidence and `verdict` is that of `renderer.times.difference`, both by the
+    rounds' frames; None where the metric has none. `value` is None where no ratio can be made, and `note` says why.
     """
 
     value: float | None

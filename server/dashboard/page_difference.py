@@ -12,7 +12,7 @@ from fastapi.responses import Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from renderer.difference import DifferenceError
+from renderer.times.difference import DifferenceError
 from server.api.difference import MAX_RESULTS, load, stored_side
 from server.api.state import database_of
 from server.comparison.derived import DerivedError

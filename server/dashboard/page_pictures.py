@@ -10,7 +10,7 @@ from fastapi.responses import Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from renderer.pictures import PictureError
+from renderer.pictures.files import PictureError
 from server.api.profiles import blobs_of
 from server.api.state import database_of
 from server.api.views import find_study

@@ -7,8 +7,8 @@ from typing import Any
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
 
-from renderer.recommend import ROUNDS
-from renderer.recommend_query import ERROR_BUDGET
+from renderer.recommend.halving import ROUNDS
+from renderer.recommend.query import ERROR_BUDGET
 from renderer.request import RAYS
 from renderer.variant import AXES, TRAVERSALS
 from server.api.recommendations import find_recommendation, latest, recommendation_line, recommendation_view

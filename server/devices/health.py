@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.accuracy import Errors, judge
 from renderer.answering import Say, answer_task
 from renderer.instrumented import records_of
+from renderer.judge.accuracy import Errors, judge
 from renderer.locks import holding, machine_lock
 from renderer.plan import PlanError
 from renderer.prepare import Prepared, prepare

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 from renderer.answering import Say, answer_task
-from renderer.recommend_query import Query
-from renderer.recommending import answer
+from renderer.recommend.query import Query
+from renderer.recommend.task import answer
 from server.devices.agent_host import DEADLINE_S, AgentHost
 
 

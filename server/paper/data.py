@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from renderer.difference import DifferenceError
+from renderer.times.difference import DifferenceError
 from renderer.variant import AXES, PAPER
 from server.comparison.differences import environment_of, pair_of, setup_of
 

@@ -14,10 +14,10 @@ from matplotlib import colormaps
 from matplotlib.colors import to_rgb
 from PIL import Image
 
-from renderer.counts import Counts
-from renderer.heatmap import summarise
-from renderer.heatmap_picture import ABOVE, COLOURS, common_scale
-from renderer.pictures import PictureError, read_counts
+from renderer.pictures.counts import Counts
+from renderer.pictures.files import PictureError, read_counts
+from renderer.pictures.heatmap import summarise
+from renderer.pictures.heatmap_picture import ABOVE, COLOURS, common_scale
 from renderer.request import MAX_SIDE
 from server.paper.data import TRAVERSALS, Cell, Section
 from server.paper.roles import FAIRY, scene_for

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from renderer.interval import median, median_interval
+from renderer.times.interval import median, median_interval
 from server.paper.data import Cell, Section
 from server.paper.measures import Measure, error_of
 from server.paper.series import rounds_of

@@ -80,7 +80,7 @@ class SectionPart:
 def write_report(documents: Sequence[Json], pictures: Pictures, path: Path) -> Verdicts:
     """Judge results, write the report to `path` and return the verdicts; raise PaperError where there are no results.
 
-    `pictures` gives a blob by its sha256, a PNG or an .npz of counts (`renderer.pictures`), or None.
+    `pictures` gives a blob by its sha256, a PNG or an .npz of counts (`renderer.pictures.files`), or None.
     """
     text, verdicts = render_report(documents, pictures)
     path.write_text(text, encoding="utf-8")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.difference import Difference
+from renderer.times.difference import Difference
 from server.paper.data import Cell, Change, Section
 from server.paper.multiple import LEVEL, larger
 from server.paper.series import Series, bases, cell_difference, collect, pooled

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from renderer.difference import Difference
+from renderer.times.difference import Difference
 from server.paper.data import Change, Section
 from server.paper.multiple import LEVEL, larger
 from server.paper.series import bases

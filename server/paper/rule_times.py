@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.difference import Difference
+from renderer.times.difference import Difference
 from server.paper.data import Cell, Change, Section
 from server.paper.series import Series, bases, cell_difference, collect, pooled
 from server.paper.sides import Scenes, above_one, below_one, chosen_scenes, sides_of, too_few

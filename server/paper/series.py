@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from renderer.difference import Difference, by_round, difference
-from renderer.interval import median
+from renderer.times.difference import Difference, by_round, difference
+from renderer.times.interval import median
 from server.comparison.differences import pair_of
 from server.paper.data import TRAVERSALS, Cell, Change, Json, Section
 

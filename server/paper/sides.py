@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from renderer.difference import Difference
+from renderer.times.difference import Difference
 from server.paper.data import Cell, Change, Section
 from server.paper.series import MIN_ROUNDS, Series, cell_difference, collect
 from server.paper.verdict import Outcome

@@ -9,7 +9,7 @@ from urllib.parse import urlencode
 
 from sqlalchemy.orm import Session
 
-from renderer.pictures import PictureError
+from renderer.pictures.files import PictureError
 from renderer.variant import AXES
 from server.api.views import MAX_ID
 from server.pictures.jobs import LOOKED_AT, WHATS, Pictured, find_pictured, list_pictured

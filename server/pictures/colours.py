@@ -71,7 +71,7 @@ def change_stops(count: int = 17) -> list[Stop]:
 
 @cache
 def _heat() -> bytes:
-    from renderer.heatmap_picture import ABOVE, COLOURS
+    from renderer.pictures.heatmap_picture import ABOVE, COLOURS
 
     return _palette(COLOURS) + bytes(ImageColor.getrgb(ABOVE)[:3])
 

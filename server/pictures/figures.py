@@ -10,14 +10,14 @@ from typing import Any, cast
 
 import numpy as np
 
-from renderer.pictures import PictureError
+from renderer.pictures.files import PictureError
 from server.pictures.stored import Counts, Pixels, read_counts, read_image
 from server.store.blobs import Blobs
 
 ROWS = 256
 """Rows of two pictures that are compared at once: a few megabytes of them."""
 TOP_PERCENTILE = 99.5
-"""What a scale holds of each map's pixels; `renderer.heatmap_picture.common_scale` takes the same."""
+"""What a scale holds of each map's pixels; `renderer.pictures.heatmap_picture.common_scale` takes the same."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def count_pair(blobs: Blobs, baseline: str, against: str, metric: str) -> CountP
 
 def scale_top(*highs: float) -> int:
     """The top of a scale that pictures share, as `rayfarm heatmap` chooses it."""
-    from renderer.heatmap_picture import common_scale
+    from renderer.pictures.heatmap_picture import common_scale
 
     return common_scale([cast(Any, np.array(highs[i : i + 1])) for i in range(len(highs))])
 

@@ -9,7 +9,7 @@ from typing import Any
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
-from renderer.counts import METRICS
+from renderer.pictures.counts import METRICS
 from server.api.views import find_job
 from server.keeping.prune import pruned_at
 from server.pictures.taken import is_name

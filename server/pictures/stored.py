@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from renderer.pictures import PictureError, read_array
+from renderer.pictures.files import PictureError, read_array
 from renderer.request import MAX_SIDE
 from server.store.blobs import Blobs
 

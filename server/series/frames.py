@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from renderer.interval import median
+from renderer.times.interval import median
 from server.series.readings import Reading, read_readings
 
 Json = dict[str, Any]

@@ -22,7 +22,7 @@ from selenium.webdriver.support.ui import Select, WebDriverWait
 from service_fakes import Service, document, running_service, wait_for
 
 from renderer.bench import combine
-from renderer.counts import METRICS
+from renderer.pictures.counts import METRICS
 from renderer.request import Request
 from server.settings import Settings
 from server.slices import SliceRunner

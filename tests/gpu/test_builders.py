@@ -7,8 +7,8 @@ from functools import cache
 import pytest
 from running import PACKETS, Run, catalogue_scene, run
 
-from renderer.accuracy import identical
 from renderer.build.refined import REFINEMENTS
+from renderer.judge.accuracy import identical
 from renderer.variant import TRAVERSALS, Variant
 
 SIZE = (60, 44)

@@ -9,8 +9,8 @@ import pytest
 from hand_made import scene, soup
 from running import WALKS, Run, prepared, run, run_plan
 
-from renderer.accuracy import identical
 from renderer.build.chain import chain_bvh
+from renderer.judge.accuracy import identical
 from renderer.pack.api import pack
 from renderer.prepare import Prepared
 from renderer.variant import TRAVERSALS, Variant

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from running import bvh_of, catalogue_scene, run
 
-from renderer.accuracy import Errors, judge
-from renderer.oracle import Oracle
+from renderer.judge.accuracy import Errors, judge
+from renderer.judge.oracle import Oracle
 from renderer.records import RASTERISED
 from renderer.request import Request
 from renderer.slice import measure

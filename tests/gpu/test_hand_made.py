@@ -9,7 +9,7 @@ import pytest
 from hand_made import SCENES, duplicates, scene, soup
 from running import WALKS, Run, run
 
-from renderer.accuracy import identical, judge
+from renderer.judge.accuracy import identical, judge
 from renderer.variant import Variant
 from scenes.scene import Scene
 

@@ -7,7 +7,7 @@ from functools import cache
 import pytest
 from running import WALKS, Run, catalogue_scene, run
 
-from renderer.accuracy import identical
+from renderer.judge.accuracy import identical
 from renderer.variant import TRAVERSALS, Variant
 
 SMALL = {"cornell-box": (256, 256), "crytek-sponza": (64, 64)}

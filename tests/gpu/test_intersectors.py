@@ -9,7 +9,7 @@ import pytest
 from hand_made import SCENES
 from running import WALKS, Run, catalogue_scene, prepared, run
 
-from renderer.accuracy import identical, judge
+from renderer.judge.accuracy import identical, judge
 from renderer.pack.baked import WORDS, bake
 from renderer.variant import AXES, Variant, matrix
 from scenes.scene import Scene

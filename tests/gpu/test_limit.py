@@ -17,9 +17,9 @@ import trimesh
 from hand_made import duplicates, scene, soup, stacked
 from running import WALKS, Run, bvh_of, context, run
 
-from renderer.accuracy import identical, judge
 from renderer.build.tree import SahCosts
 from renderer.instrumented import CutShortError
+from renderer.judge.accuracy import identical, judge
 from renderer.planner import LOOP_BUDGET, pass_triangles
 from renderer.records import Flags
 from renderer.request import Request

@@ -12,7 +12,7 @@ import pytest
 from hand_made import SCENES, cubes, moved, scene, soup, wall
 from running import WALKS, bvh_of, catalogue_scene, prepared, ready, run, tree_of
 
-from renderer.accuracy import Errors, identical, judge
+from renderer.judge.accuracy import Errors, identical, judge
 from renderer.ray_plan import Answer, Question, make_ray_plan, read_answer
 from renderer.records import Floats, Hits, Rays
 from renderer.variant import AXES, Variant

@@ -9,7 +9,7 @@ import pytest
 from hand_made import SCENES
 from running import PACKETS, Run, catalogue_scene, picture, prepared, run
 
-from renderer.accuracy import identical
+from renderer.judge.accuracy import identical
 from renderer.request import Request, RequestError
 from renderer.variant import Variant, refusal
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from running import catalogue_scene, picture, prepared, ready, run_plan
 
-from renderer.accuracy import identical
+from renderer.judge.accuracy import identical
 from renderer.plan import Plan, load_plan
 from renderer.prepare import Prepared
 from renderer.variant import AXES, Variant

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from running import Image, Run, catalogue_scene, picture, prepared, run, run_plan
 
-from renderer.accuracy import identical
+from renderer.judge.accuracy import identical
 from renderer.variant import AXES, Variant, matrix
 
 SIZE = (48, 40)

@@ -16,10 +16,10 @@ from hand_made import cubes
 from hand_made import scene as made_of
 from running import WALKS, bvh_of, catalogue_scene, context, prepared, ready, run
 
-from renderer import referee
-from renderer.accuracy import judge
-from renderer.court import AGREE, EDGE, FALSE_HIT, Court, settle
 from renderer.glsl import flatten
+from renderer.judge import referee
+from renderer.judge.accuracy import judge
+from renderer.judge.court import AGREE, EDGE, FALSE_HIT, Court, settle
 from renderer.plan import Plan
 from renderer.ray_plan import Answer, Question, make_ray_plan, read_answer
 from renderer.records import Rays

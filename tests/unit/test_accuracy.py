@@ -12,11 +12,11 @@ import numpy.typing as npt
 import pytest
 import trimesh
 
-from renderer import referee
-from renderer.accuracy import answers_sha, identical, judge
 from renderer.build.bvh import build_bvh
 from renderer.build.tree import Bvh, SahCosts
-from renderer.oracle import Oracle
+from renderer.judge import referee
+from renderer.judge.accuracy import answers_sha, identical, judge
+from renderer.judge.oracle import Oracle
 from renderer.records import RASTERISED, Flags, Floats, Hits, Ints, Rays, Records
 from renderer.request import Check
 

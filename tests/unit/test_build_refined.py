@@ -11,7 +11,6 @@ import numpy.typing as npt
 import pytest
 from build_soups import SOUPS, soup
 
-from renderer import referee
 from renderer.build.bvh import build_bvh
 from renderer.build.loose import Loose, loosened, settled
 from renderer.build.make import bounds
@@ -21,6 +20,7 @@ from renderer.build.refit import fit_boxes
 from renderer.build.reinsert import reinserted
 from renderer.build.reinsert_pairs import pairs_reinserted
 from renderer.build.tree import MAX_BVH_LEAF, MAX_DEPTH, Bvh, SahCosts
+from renderer.judge import referee
 from renderer.records import Rays
 from scenes.load import load
 from scenes.places import find_named

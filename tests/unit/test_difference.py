@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from renderer.difference import MOST_ROUNDS, DifferenceError, Figure, by_round, difference, share_interval
+from renderer.times.difference import MOST_ROUNDS, DifferenceError, Figure, by_round, difference, share_interval
 
 NOISE = json.loads((Path(__file__).parents[1] / "fixtures" / "rounds_busy.json").read_text())
 TRIES = 200

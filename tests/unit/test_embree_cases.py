@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from exact_cases import FAMILIES, cast, crossing
 
-from renderer.embree_cases import EmbreeCase, embree_cases
-from renderer.oracle import Oracle
+from renderer.judge.embree_cases import EmbreeCase, embree_cases
+from renderer.judge.oracle import Oracle
 from renderer.records import Floats
 
 SQUARE = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], np.float32)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from exact_cases import FAMILIES, Doubles, rational, triple
 
+from renderer.judge.referee import exact
+from renderer.judge.referee.vectors import Corners, Vector
 from renderer.records import Floats
-from renderer.referee import exact
-from renderer.referee.vectors import Corners, Vector
 
 SEEDS = (1, 2, 3)
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer import referee
 from renderer.build.chain import chain_bvh
 from renderer.build.tree import MAX_DEPTH
 from renderer.hard_cases import study
@@ -16,6 +15,7 @@ from renderer.hard_cases.cell import FAULTS, WRONG, Cell
 from renderer.hard_cases.promises import broken
 from renderer.hard_cases.ready import Ready
 from renderer.hard_cases.study import TESTED, Order, all_variants, few_variants, run_order
+from renderer.judge import referee
 from renderer.records import Rays
 from renderer.variant import AXES, TRAVERSALS, Variant
 from scenes.hard_cases import FAMILIES

@@ -10,9 +10,9 @@ from PIL import Image
 
 from renderer.bench import run_slice
 from renderer.child import ChildError
-from renderer.counts import Counts, count_pixels
-from renderer.heatmap import heatmap, summarise
-from renderer.heatmap_picture import ABOVE, Panel, common_scale, draw
+from renderer.pictures.counts import Counts, count_pixels
+from renderer.pictures.heatmap import heatmap, summarise
+from renderer.pictures.heatmap_picture import ABOVE, Panel, common_scale, draw
 from renderer.records import Hits, Rays, Records
 from renderer.request import Request, RequestError
 from renderer.variant import Variant

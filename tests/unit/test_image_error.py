@@ -10,8 +10,8 @@ import pytest
 
 from renderer.build.bvh import build_bvh
 from renderer.build.tree import Bvh, SahCosts
-from renderer.image_error import FlipError, Image, flip, image_error, psnr
-from renderer.truth_image import truth_image
+from renderer.judge.image_error import FlipError, Image, flip, image_error, psnr
+from renderer.judge.truth_image import truth_image
 from scenes.scene import Camera, Scene, SceneError
 
 SIZE = (33, 21)

@@ -9,7 +9,7 @@ from math import comb
 import numpy as np
 import pytest
 
-from renderer.interval import median, median_interval
+from renderer.times.interval import median, median_interval
 
 # n: the rank k of the lower end, counted from 1, as tables of the sign test give it at 5 % two-sided.
 TABLE = {6: 1, 8: 1, 9: 2, 10: 2, 11: 2, 12: 3, 15: 4, 20: 6, 25: 8, 30: 10, 50: 18, 100: 40}

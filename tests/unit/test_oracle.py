@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from renderer.oracle import Oracle
+from renderer.judge.oracle import Oracle
 from renderer.records import Floats, Rays
 
 INF = np.float32(np.inf)

@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 from paper_documents import SCENES, World, with_pictures
 
-from renderer.difference import by_round, difference
-from renderer.interval import median
+from renderer.times.difference import by_round, difference
+from renderer.times.interval import median
 from server.paper.claims import CLAIMS
 from server.paper.data import Cell, sections
 from server.paper.errors import PaperError

@@ -15,9 +15,9 @@ import pytest
 from PIL import Image
 
 from renderer.bench import combine, run_slice
-from renderer.counts import METRICS, Counts
-from renderer.heatmap import heatmap
-from renderer.pictures import PictureError, counts_bytes, read_counts, write_pictures
+from renderer.pictures.counts import METRICS, Counts
+from renderer.pictures.files import PictureError, counts_bytes, read_counts, write_pictures
+from renderer.pictures.heatmap import heatmap
 from renderer.request import Request
 from renderer.variant import Variant
 

@@ -9,9 +9,9 @@ from itertools import product
 
 import pytest
 
-from renderer.interval import median
-from renderer.paired import paired_ratio, signed_rank_cut
-from renderer.recommend import MARGIN, Candidate, Judged, Size, Standing, Terms, Verdict, pilot_sizes, recommend
+from renderer.recommend.halving import MARGIN, Candidate, Judged, Size, Standing, Terms, Verdict, pilot_sizes, recommend
+from renderer.times.interval import median
+from renderer.times.paired import paired_ratio, signed_rank_cut
 
 SIZE = (512, 512)
 SEEDS = range(60)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from renderer import referee
 from renderer.build.bvh import build_bvh
 from renderer.build.tree import Bvh, SahCosts
+from renderer.judge import referee
 from renderer.records import Floats, Rays
 
 INF = np.float32(np.inf)

@@ -9,7 +9,7 @@ import pytest
 from exact_cases import cast
 from float32_tests import SHAPES, Found, aimed_at_edges, moller_trumbore, watertight
 
-from renderer import referee
+from renderer.judge import referee
 from renderer.records import Floats, Rays
 
 TESTS: dict[str, Callable[[Floats, Rays], Found]] = {"moller-trumbore": moller_trumbore, "watertight": watertight}

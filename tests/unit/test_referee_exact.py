@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from exact_cases import FAMILIES, Case, brute, cast
 
-from renderer import referee
 from renderer.build.bvh import build_bvh
 from renderer.build.tree import Bvh, SahCosts
+from renderer.judge import referee
 from renderer.records import Floats
 
 OPEN = set(FAMILIES) - {"edges", "edges at 1e6", "edges at Embree's offset"}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from exact_cases import cast
 
-from renderer.accuracy import judge
-from renderer.oracle import Oracle
+from renderer.judge.accuracy import judge
+from renderer.judge.oracle import Oracle
 from renderer.records import Hits, Records
 
 SQUARE = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], np.float32)

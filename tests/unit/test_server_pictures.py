@@ -18,10 +18,10 @@ from matplotlib.colors import Normalize
 from pictured import add_job, counts, image, keep
 from PIL import Image
 
-from renderer.counts import METRICS
-from renderer.heatmap import summarise
-from renderer.heatmap_picture import ABOVE, COLOURS, common_scale
-from renderer.pictures import PictureError, counts_bytes, png_bytes, write_pictures
+from renderer.pictures.counts import METRICS
+from renderer.pictures.files import PictureError, counts_bytes, png_bytes, write_pictures
+from renderer.pictures.heatmap import summarise
+from renderer.pictures.heatmap_picture import ABOVE, COLOURS, common_scale
 from renderer.request import Request
 from server.pictures import colours
 from server.pictures.choice import choose, read_asked

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from renderer.interval import median
+from renderer.times.interval import median
 from server.comparison.differences import pair_of
 from server.comparison.flat import Stored, flatten
 from server.comparison.metrics import METRICS

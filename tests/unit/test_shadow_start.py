@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from exact_cases import cast
 
-from renderer.accuracy import judge
+from renderer.judge.accuracy import judge
 from renderer.records import Hits, Rays, Records
 from scenes.scene import Point
 

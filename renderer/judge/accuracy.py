@@ -1,7 +1,7 @@
 """The error of a run: hit records against the oracle, and the referee's verdict wherever the two disagree.
 
-`renderer.court` says what is the same hit and what an error is called. Where the oracle agrees with us the referee is
-not asked.
+`renderer.judge.court` says what is the same hit and what an error is called. Where the oracle agrees with us the
+referee is not asked.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from renderer import referee
 from renderer.build.tree import Bvh
-from renderer.court import (
+from renderer.judge import referee
+from renderer.judge.court import (
     AGREE,
     EDGE,
     EMBREE,
@@ -29,11 +29,11 @@ from renderer.court import (
     settle,
     ties,
 )
-from renderer.oracle import Oracle
+from renderer.judge.oracle import Oracle
+from renderer.judge.referee import Verdict
+from renderer.judge.shadow_start import judge_starts
 from renderer.records import Flags, Floats, Hits, Rays, Records
-from renderer.referee import Verdict
 from renderer.request import CHECKS, Check
-from renderer.shadow_start import judge_starts
 from scenes.scene import Point
 
 
@@ -43,7 +43,7 @@ class Errors:
 
     `false_hit`, `false_miss`, `edge`, `wrong_primitive`, and for a hybrid plan `raster_mismatch` (hit or miss against
     the rays), are fractions of the primary rays; `shadow_mismatch` and `shadow_edge` of the shadow rays, and so are
-    `shadow_self_hit` and `shadow_leak`, which `renderer.shadow_start` tells beside the exact rays. `t_rel_p99`,
+    `shadow_self_hit` and `shadow_leak`, which `renderer.judge.shadow_start` tells beside the exact rays. `t_rel_p99`,
     `t_rel_max` and `t_ulp_max` (float32 ulps) compare t with the float64 t of the same primitive's plane along the
     same ray. `flip` and `psnr` (dB) are the picture's figures and not filled in here. `counts` are the numbers of
     rays behind the fractions, and who was wrong where the oracle and we disagreed on more than a tie: `embree_wrong`

@@ -62,7 +62,7 @@ def flip(image: Image, truth: Image, limit_s: float = LIMIT_S) -> float:
     with tempfile.TemporaryDirectory(prefix="rayfarm-flip-") as folder:
         path = Path(folder) / "images.npz"
         np.savez(path, image=_colours(image, truth), truth=truth)
-        command = [sys.executable, "-m", "renderer.image_error", str(path), str(os.getpid())]
+        command = [sys.executable, "-m", "renderer.judge.image_error", str(path), str(os.getpid())]
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=limit_s, check=True)
         except subprocess.TimeoutExpired as error:

@@ -12,8 +12,8 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from renderer import referee
 from renderer.build.tree import Bvh
+from renderer.judge import referee
 from renderer.records import Flags, Floats, Ints, Rays
 from renderer.view import view_of
 from scenes.kept import cache_folder, kept, key_of

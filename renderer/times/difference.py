@@ -17,7 +17,7 @@ from functools import lru_cache
 from statistics import NormalDist
 from typing import Literal
 
-from renderer.interval import CONFIDENCE, median
+from renderer.times.interval import CONFIDENCE, median
 
 Verdict = Literal["faster", "slower", "no difference found", "undecided"]
 Figure = Literal["median", "fastest"]

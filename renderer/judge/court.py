@@ -3,7 +3,7 @@
 Two hits are the same when they name the same primitive, or when the ray meets both primitives (within the float32
 bound of their edges) at values of t that float32 cannot tell apart: shared edges and coincident surfaces are ties.
 What is left is an edge case when float32 could have decided either way, that is when the primitive that we report is
-hit within the bound (see `renderer.referee`; the ends of the ray's interval count as edges too) and nothing that
+hit within the bound (see `renderer.judge.referee`; the ends of the ray's interval count as edges too) and nothing that
 float32 must find lies in front of it. Otherwise it is a false hit, a false miss or a wrong primitive.
 """
 
@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from renderer import referee
 from renderer.build.tree import Bvh
-from renderer.oracle import Oracle
+from renderer.judge import referee
+from renderer.judge.oracle import Oracle
+from renderer.judge.referee import Verdict
 from renderer.records import Flags, Floats, Hits, Ints, Rays
-from renderer.referee import Verdict
 
 Kinds = npt.NDArray[np.int8]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from renderer.recommend import Finalist, Terms, Verdict
+from renderer.recommend.halving import Finalist, Terms, Verdict
 
 MEGABYTE = 1e6
 

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import jit
-from renderer.referee.vectors import Corners, Vector
+from renderer.judge.referee.vectors import Corners, Vector
 
 Expansion = npt.NDArray[np.float64]
 

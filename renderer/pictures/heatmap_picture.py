@@ -17,8 +17,8 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
-from renderer.counts import Counts
-from renderer.heatmap import summarise
+from renderer.pictures.counts import Counts
+from renderer.pictures.heatmap import summarise
 
 COLOURS = "inferno"
 """Perceptually uniform, and dark to light in grey too."""

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import inline, jit
-from renderer.referee import exact
-from renderer.referee.vectors import Corners, Vector, cross, dot, minus, span
+from renderer.judge.referee import exact
+from renderer.judge.referee.vectors import Corners, Vector, cross, dot, minus, span
 
 Tally = npt.NDArray[np.int64]
 

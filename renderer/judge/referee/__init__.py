@@ -24,10 +24,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from renderer.build.tree import Bvh
+from renderer.judge.referee.bound import EITHER, MOLLER_TRUMBORE, WATERTIGHT
+from renderer.judge.referee.decide import Tally
+from renderer.judge.referee.walk import Doubles, Nodes, cast_all, figures_all
 from renderer.records import Flags, Floats, Ints, Rays
-from renderer.referee.bound import EITHER, MOLLER_TRUMBORE, WATERTIGHT
-from renderer.referee.decide import Tally
-from renderer.referee.walk import Doubles, Nodes, cast_all, figures_all
 
 PAPERS = "moller-trumbore"
 _TESTS = {PAPERS: MOLLER_TRUMBORE, "watertight": WATERTIGHT}

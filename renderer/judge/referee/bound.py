@@ -36,7 +36,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import inline, jit
-from renderer.referee.vectors import Corners, Vector, cross, dot, magnitudes, minus, span
+from renderer.judge.referee.vectors import Corners, Vector, cross, dot, magnitudes, minus, span
 
 EPS = 2.0**-24
 GAMMA = 7 * EPS / (1 - 7 * EPS)

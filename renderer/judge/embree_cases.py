@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from renderer import referee
 from renderer.build.tree import Bvh
-from renderer.court import AGREE, EDGE, EMBREE, Court, hits_of, settle
-from renderer.oracle import Oracle
+from renderer.judge import referee
+from renderer.judge.court import AGREE, EDGE, EMBREE, Court, hits_of, settle
+from renderer.judge.oracle import Oracle
 from renderer.records import Floats, Hits, Rays
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from renderer.counts import METRICS, Counts
+from renderer.pictures.counts import METRICS, Counts
 from renderer.request import MAX_SIDE
 
 _MAX_HEADER = 4096

@@ -1,7 +1,7 @@
 """The counts of the paper's heatmap (section 4.1): what every pixel's rays fetched, from an instrumented run.
 
 A node counts as traversed when it is fetched from the structure's SSBO. The run has a process of its own
-(`python -m renderer.heatmap`), as a slice has.
+(`python -m renderer.pictures.heatmap`), as a slice has.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 
 from renderer.answering import Json, Say, answer_task
 from renderer.child import run_child
-from renderer.counts import METRICS, Counts, count_pixels
 from renderer.instrumented import records_of
 from renderer.locks import holding, machine_lock
+from renderer.pictures.counts import METRICS, Counts, count_pixels
 from renderer.planner import in_passes
 from renderer.prepare import Prepared, prepare
 from renderer.request import Request, RequestError
@@ -40,7 +40,7 @@ def heatmap(request: Request, metric: str = "nodes", timeout_s: float = 900.0) -
     with tempfile.TemporaryDirectory(prefix="rayfarm-heatmap-") as folder:
         path = Path(folder) / "counts.npy"
         task = {"request": request.to_json(), "metric": metric, "counts": str(path)}
-        run_child("renderer.heatmap", task, request.threads, timeout_s)
+        run_child("renderer.pictures.heatmap", task, request.threads, timeout_s)
         counts: Counts = np.load(path)
         return counts
 

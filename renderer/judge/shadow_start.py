@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from renderer import referee
-from renderer.court import Court
+from renderer.judge import referee
+from renderer.judge.court import Court
+from renderer.judge.referee.walk import Doubles
 from renderer.records import Flags, Floats, Records
-from renderer.referee.walk import Doubles
 from scenes.scene import Point
 
 ABOVE = 2.0**-40

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from renderer.recommend import ROUNDS, Terms
+from renderer.recommend.halving import ROUNDS, Terms
 from renderer.request import Request, RequestError
 from renderer.variant import Variant
 

@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import inline, jit
+from renderer.judge.referee.bound import measure
+from renderer.judge.referee.decide import COARSE, FINE, Tally, crosses, order, time_of, within
+from renderer.judge.referee.vectors import Vector, corners
 from renderer.records import Floats, Ints
-from renderer.referee.bound import measure
-from renderer.referee.decide import COARSE, FINE, Tally, crosses, order, time_of, within
-from renderer.referee.vectors import Vector, corners
 
 Doubles = npt.NDArray[np.float64]
 Nodes = tuple[Floats, Floats, Ints, Ints, Ints]

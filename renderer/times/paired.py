@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from renderer.interval import CONFIDENCE, median
+from renderer.times.interval import CONFIDENCE, median
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Measures many variants of one scene in turn on one host, for `renderer.recommend`.
+"""Measures many variants of one scene in turn on one host, for `renderer.recommend.halving`.
 
 Scene, trees and buffers of equal contents are shared. What is measured and what is not is told apart: seconds for
 preparing, compiling (with the frames that warm up), measuring and judging.
@@ -19,20 +19,20 @@ from weakref import WeakValueDictionary, ref
 import numpy as np
 import numpy.typing as npt
 
-from renderer.accuracy import Errors, judge
 from renderer.build.errors import BuildError
 from renderer.build.tree import Bvh
 from renderer.host import Frames, Host
 from renderer.instrumented import records_of, refuse_cut
-from renderer.interval import median
+from renderer.judge.accuracy import Errors, judge
+from renderer.judge.oracle import Oracle
 from renderer.kept_twins import KeptTwins
 from renderer.locks import holding, machine_lock
-from renderer.oracle import Oracle
 from renderer.pack.nodes import PackError
 from renderer.plan import Plan, PlanError
 from renderer.prepare import Built, Prepared, build_tree, prepare
-from renderer.recommend import Candidate, Judged, Size
+from renderer.recommend.halving import Candidate, Judged, Size
 from renderer.request import Request
+from renderer.times.interval import median
 from scenes.load import load
 
 MOST_BYTES = 2 << 30

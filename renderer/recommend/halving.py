@@ -15,9 +15,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import NormalDist, variance
 
-from renderer.difference import NEGLIGIBLE, share_interval
-from renderer.interval import CONFIDENCE, median
-from renderer.paired import Ratio, paired_ratio
+from renderer.times.difference import NEGLIGIBLE, share_interval
+from renderer.times.interval import CONFIDENCE, median
+from renderer.times.paired import Ratio, paired_ratio
 
 Size = tuple[int, int]
 

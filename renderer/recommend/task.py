@@ -1,6 +1,6 @@
-"""A recommendation as a task, in a process of its own (`python -m renderer.recommending`).
+"""A recommendation as a task, in a process of its own (`python -m renderer.recommend.task`).
 
-The task is what `renderer.recommend_query.Query` writes; `renderer.child` says how it goes in and the answer comes out.
+The task is what `renderer.recommend.query.Query` writes; `renderer.child` says how it goes in and the answer comes out.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import Any
 from renderer.answering import Say, answer_task, tell_note
 from renderer.host import Host
 from renderer.kept_twins import KeptTwins
-from renderer.pilot import Pilot, figures_of
-from renderer.recommend import Eliminated, Finalist, Judged, Verdict, recommend
-from renderer.recommend_query import Query
-from renderer.recommend_words import write_verdict
+from renderer.recommend.halving import Eliminated, Finalist, Judged, Verdict, recommend
+from renderer.recommend.pilot import Pilot, figures_of
+from renderer.recommend.query import Query
+from renderer.recommend.words import write_verdict
 from renderer.variant import Variant
 
 Json = dict[str, Any]

@@ -1,0 +1,1 @@
+"""A run's image and what its pixels fetched, as files and heatmaps."""

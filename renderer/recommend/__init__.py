@@ -1,0 +1,1 @@
+"""The fastest variant within budgets."""

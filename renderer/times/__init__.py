@@ -1,0 +1,1 @@
+"""Medians, ratios and differences of times, with their intervals."""
