@@ -13,13 +13,20 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[2]
 
 
+PINS = re.findall(r"^([\w.-]+)==", (ROOT / "constraints.txt").read_text(), re.MULTILINE)
+PINNED = {canonicalize_name(name) for name in PINS}
+
+
 def test_the_oldest_python_takes_every_pinned_package() -> None:
     """pip finds no way out when one is refused, and says so after a quarter of an hour."""
     asked = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["requires-python"]
     oldest = asked.removeprefix(">=") + ".0"
-    pins = re.findall(r"^([\w.-]+)==", (ROOT / "constraints.txt").read_text(), re.MULTILINE)
-    pinned = {canonicalize_name(name) for name in pins}
     found = {canonicalize_name(each.name): each.metadata["Requires-Python"] or "" for each in distributions()}
-    assert len(pinned & found.keys()) > 100
-    refusing = {name: found[name] for name in pinned & found.keys() if oldest not in SpecifierSet(found[name])}
+    assert len(PINNED & found.keys()) > 100
+    refusing = {name: found[name] for name in PINNED & found.keys() if oldest not in SpecifierSet(found[name])}
     assert refusing == {}
+
+
+def test_all_that_is_installed_is_pinned() -> None:
+    """What is not pinned changes under us."""
+    assert {canonicalize_name(each.name) for each in distributions()} - PINNED == {"rayfarm"}
