@@ -14,6 +14,7 @@ from running import context
 
 from renderer.build.tree import MAX_BVH_LEAF, Bvh, Kd, Tree
 from renderer.glsl import flatten
+from renderer.pack.fetch import reader
 from renderer.pack.grid import CELLS, grid_over
 from renderer.pack.nodes import pack_nodes
 from renderer.pack.primitives import pack_primitives
@@ -271,7 +272,9 @@ def test_every_vertex_normal_and_id_is_read_back(layout: str) -> None:
     buffers = [np.zeros(4, np.uint32), packed.vertices, np.zeros(4, np.uint32)]
     if packed.normals is not None:
         buffers[2] = packed.normals
-    found = device_reads(shader({}, [f"layout_{layout}.glsl"], 3, statements), buffers, 777, 19)
+    parts = [reader(name, "storage") for name in ("primitives", "normals")]
+    text = shader({}, [*parts, f"layout_{layout}.glsl"], 3, statements)
+    found = device_reads(text, buffers, 777, 19)
     np.testing.assert_array_equal(found[:, :9], bits(triangles[order]).reshape(-1, 9))
     np.testing.assert_array_equal(found[:, 18], order)
     if normals is not None:
