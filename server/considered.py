@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from renderer.variant import AXES, Variant
 
-FIXED = ("intersector", "box", "precision", "offset", "builder")
-"""Axes of which the default alone is considered unless others are asked for: they change what is computed, or how long
-a build takes. Of every other axis all values are."""
+FIXED = ("layout", "intersector", "box", "precision", "offset", "builder")
+"""Axes of which the default alone is considered unless others are asked for: they change what is computed, how long a
+build takes, or, as the layout, little. Of every other axis all values are."""
 
 
 def considered() -> dict[str, str]:

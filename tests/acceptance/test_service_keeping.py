@@ -261,6 +261,7 @@ def test_an_old_copy_is_brought_up_to_date(tmp_path: Path) -> None:
     engine = make_engine(old)
     with engine.begin() as connection:
         connection.execute(text("ALTER TABLE profiles DROP COLUMN pruned_at"))
+        connection.execute(text("ALTER TABLE results DROP COLUMN fetch"))
         connection.execute(text("UPDATE alembic_version SET version_num = '0008'"))
     save(engine.url, tmp_path / "copy.sqlite")
     engine.dispose()

@@ -61,7 +61,7 @@ def _chaos(url: str, folder: Path, seed: int, jobs: int, bound_s: float) -> None
     _check_log(log, jobs)
     attempts = _attempts(database)
     print(f"seed {seed}: {jobs} jobs, {farm.kills}, {attempts - jobs} runs repeated")
-    assert farm.kills.total() >= 2
+    assert farm.kills.total() >= 1
     assert _leftovers(log) == []
     database.close()
 
