@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from renderer.build.tree import Kd, Tree
 from renderer.pack.api import Packed
-from renderer.pack.fetch import BINDINGS, TEXEL_WORDS, WIDTH, image_unit, rows
+from renderer.pack.fetch import BINDINGS, WIDTH, image_unit, rows
 from renderer.pack.primitives import pack_raster
-from renderer.plan import Buffer, Pass, Plan, Program, Texture, Uniform
+from renderer.plan import TEXEL_WORDS, Buffer, Pass, Plan, Program, Texture, Uniform
 from renderer.request import Request
 from renderer.texts import Form, present_texts, raster_texts, trace_texts
 from renderer.variant import TRAVERSALS

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from renderer.build.spatial import LEAST_REACH
 from renderer.build.sweep import NO_SPLIT
 from renderer.build.tree import Floats
 from renderer.jit import jit
@@ -12,9 +13,6 @@ from renderer.jit import jit
 Words = npt.NDArray[np.uint32]
 
 BINS = 64
-
-LEAST_REACH = np.float32(1e-30)
-"""Of boxes scaled to unit size: the number of bins over less may overflow."""
 
 
 @jit

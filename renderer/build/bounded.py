@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.radix import stable_order
+from renderer.build.radix import sort_keys, stable_order
+from renderer.build.spatial import LEAST_REACH
 from renderer.build.sweep import NO_SPLIT, Rules
 from renderer.build.tree import Floats
 from renderer.jit import jit
@@ -21,9 +22,6 @@ Words = npt.NDArray[np.uint32]
 Longs = npt.NDArray[np.int64]
 
 BINS = 128
-
-LEAST_REACH = np.float32(1e-30)
-"""Of boxes scaled to unit size: the number of bins over less may overflow."""
 
 FEW = 512
 """Up to so many are sorted by comparisons."""
@@ -240,13 +238,7 @@ def _order_of(keys: Floats) -> Longs:
     """Stably sorts; -0 and 0 are equal."""
     if len(keys) <= FEW:
         return np.argsort(keys, kind="mergesort")
-    values = np.empty(len(keys), np.float32)
-    for j in range(len(keys)):
-        values[j] = keys[j] + np.float32(0)
-    bits, words = values.view(np.uint32), np.empty(len(keys), np.uint32)
-    for j in range(len(keys)):
-        words[j] = bits[j] ^ (np.uint32(0xFFFFFFFF) if bits[j] >> np.uint32(31) else np.uint32(0x80000000))
-    return stable_order(words).astype(np.int64)
+    return stable_order(sort_keys(keys)).astype(np.int64)
 
 
 @jit

@@ -63,7 +63,7 @@ def build_bvh(boxes: Floats, costs: SahCosts, method: BvhMethod = "sah", max_dep
     """
     if len(boxes) == 0:
         raise ValueError("A tree needs at least one triangle; give a scene that has some.")
-    work = _sorted_work(boxes) if method == "median" else _binned_work(boxes)
+    work = _sorted_work(boxes) if method == "median" else _unsorted_work(boxes)
     rules = Rules(method != "median", min(max_depth, MAX_DEPTH), costs.traversal, costs.intersection, method == "sah")
     first = split_range(*work, 0, len(boxes), 0, int(method == "median"), rules, TASK)
     cells: list[list[int]] = first[4].tolist()
@@ -89,7 +89,7 @@ def _order_along(boxes: Floats, axis: int) -> Words:
     return stable_order(sort_keys(boxes[:, axis] + boxes[:, axis + 3]))
 
 
-def _binned_work(boxes: Floats) -> Work:
+def _unsorted_work(boxes: Floats) -> Work:
     as_given = np.arange(len(boxes), dtype=np.uint32)
     return _work(normalised(boxes, as_given), as_given, np.empty((3, len(boxes)), np.uint32))
 
@@ -153,7 +153,8 @@ def split_range(
     most = 2 * (last - first) - 1
     child, count = np.zeros(most, np.int32), np.zeros(most, np.int32)
     axis, parent = np.zeros(most, np.uint8), np.zeros(most, np.int32)
-    moved, moved_boxes = np.empty(last - first, np.uint32), np.empty(((last - first) * (1 - is_sorted), 6), np.float32)
+    moved = np.empty(last - first, np.uint32)
+    moved_boxes = np.empty((last - first if rules.exact and not is_sorted else 0, 6), np.float32)
     waiting, cells = np.zeros((MAX_DEPTH + 2, 3), np.int64), np.zeros((most if stop > 0 else 0, 5), np.int64)
     child[0], count[0], parent[0] = first, last - first, -1
     waiting[0, 1], waiting[0, 2] = level, is_sorted

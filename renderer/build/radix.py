@@ -15,11 +15,16 @@ BUCKETS = 1 << DIGIT_BITS
 DIGIT_MASK = np.uint32(BUCKETS - 1)
 
 
+@jit
 def sort_keys(values: npt.NDArray[np.float32]) -> Words:
     """uint32 keys in the order of the float32 `values`; -0 and +0 get the same key."""
-    bits = (values + np.float32(0)).view(np.uint32)
-    sign = (bits.view(np.int32) >> 31).view(np.uint32)
-    return bits ^ (sign | np.uint32(0x80000000))
+    whole = np.empty(len(values), np.float32)
+    for i in range(len(values)):
+        whole[i] = values[i] + np.float32(0)
+    bits, keys = whole.view(np.uint32), np.empty(len(values), np.uint32)
+    for i in range(len(values)):
+        keys[i] = bits[i] ^ (np.uint32(0xFFFFFFFF) if bits[i] >> np.uint32(31) else np.uint32(0x80000000))
+    return keys
 
 
 @jit

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.radix import stable_order
+from renderer.build.radix import sort_keys, stable_order
+from renderer.build.spatial import LEAST_REACH
 from renderer.build.tree import Floats
 from renderer.jit import jit
 
@@ -33,7 +34,7 @@ def sort_range(boxes: Floats, lists: Words, begin: int, end: int) -> None:
             for i in range(size):
                 own[i] = i
         if not _inserted(keys, own, STEPS * size if size > FEW else size * size):
-            order = stable_order(_words(keys))
+            order = stable_order(sort_keys(keys))
             for i in range(size):
                 own[i] = order[i]
         for i in range(size):
@@ -46,7 +47,7 @@ def _in_buckets(keys: Floats, own: Words, buckets: Words) -> bool:
     low, high = keys[0], keys[0]
     for key in keys:
         low, high = min(key, low), max(key, high)
-    if not high - low > np.float32(1e-30):
+    if not high - low > LEAST_REACH:
         return False
     scale = np.float32(BUCKETS) * np.float32(0.9999) / (high - low)
     for b in range(BUCKETS + 1):
@@ -77,15 +78,3 @@ def _inserted(keys: Floats, own: Words, most: int) -> bool:
         if steps > most:
             return False
     return True
-
-
-@jit
-def _words(keys: Floats) -> Words:
-    """As `radix.sort_keys`, compiled."""
-    values = np.empty(len(keys), np.float32)
-    for i in range(len(keys)):
-        values[i] = keys[i] + np.float32(0)
-    bits, words = values.view(np.uint32), np.empty(len(keys), np.uint32)
-    for i in range(len(keys)):
-        words[i] = bits[i] ^ (np.uint32(0xFFFFFFFF) if bits[i] >> np.uint32(31) else np.uint32(0x80000000))
-    return words

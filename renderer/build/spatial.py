@@ -11,6 +11,9 @@ from renderer.jit import jit
 
 Words = npt.NDArray[np.uint32]
 
+LEAST_REACH = np.float32(1e-30)
+"""Of boxes scaled to unit size: the number of bins over less may overflow."""
+
 
 def spatial_order(boxes: Floats) -> Words:
     """The triangles along a Morton curve through their centroids, so that the lists' gathers stay in cache."""

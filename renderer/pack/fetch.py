@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from typing import Literal
 
+from renderer.plan import TEXEL_WORDS
+
 Fetch = Literal["storage", "texture", "image"]
 
-TEXEL_WORDS = 4
 _WIDTH_BITS = 11
 WIDTH = 1 << _WIDTH_BITS
 """Texels in a row."""
