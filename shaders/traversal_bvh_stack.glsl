@@ -1,41 +1,15 @@
 #include "common_leaf.glsl"
 #include "common_stack.glsl"
 
-// Both children are tested at their parent, the near one by the split axis goes first, while-while (Aila and Laine
-// 2009). What is kept of a node is its link word, so leaves are not fetched again. The stack is written and read
-// whether it is used or not: where lanes run in masked loops, a store that some of them skip costs more.
-void trace(const bool any_hit) {
-    COUNT_NODE(NODE_WORDS);
-    vec3 lower, upper;
-    float entry;
-    uint root;
-    fetch_node(0u, lower, upper, root);
-    bool entered = box_hit(lower, upper, entry);
-    uint stack[STACK_SIZE + 2];
-    stack[0] = STACK_END;
-    int top = 0;  // where the next popped link lies
-    uint link = entered ? root : STACK_END;
-    while (link != STACK_END) {
-        while (node_axis(link) != LEAF) {
-            COUNT_NODE(NODE_WORDS);
-            COUNT_NODE(NODE_WORDS);
-            COUNT_VISIT(true, 0u);
-            uint child = node_child(link) + ((slab_octant >> node_axis(link)) & 1u);
-            uint near, far;
-            fetch_node(child, lower, upper, near);
-            bool near_hit = box_hit(lower, upper, entry);
-            fetch_node(child ^ 1u, lower, upper, far);
-            bool far_hit = box_hit(lower, upper, entry);
-            uint popped = stack[top];
-            stack[top + 1] = far;
-            link = near_hit ? near : far_hit ? far : popped;
-            top += int(near_hit) + int(far_hit) - 1;
-        }
-        uint count = link == STACK_END ? 0u : node_count(link);
-        COUNT_VISIT(false, count);
-        intersect_slots(node_first(link), count);
-        bool over = link == STACK_END || (any_hit && hit_id != NO_PRIMITIVE);
-        link = over ? STACK_END : stack[max(top, 0)];
-        top -= 1;
-    }
+// A link alone waits, so all that wait are looked into.
+uint stack[STACK_SIZE + 2];
+
+void stack_wait(int place, uint link, float entry) {
+    stack[place] = link;
 }
+
+int stack_pass(int top, const bool any_hit) {
+    return top;
+}
+
+#include "common_stack_walk.glsl"
