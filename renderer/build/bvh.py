@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from renderer.build.binned import binned_split
 from renderer.build.bounded import bounded_split
-from renderer.build.grow import resized
+from renderer.build.grow import resized, resized_rows
 from renderer.build.parallel import each
 from renderer.build.radix import sort_keys, stable_order
 from renderer.build.refit import depth_of, fit_boxes, sah_cost
@@ -26,6 +26,9 @@ BvhMethod = Literal["sah", "median", "binned"]
 TASK = 1 << 15
 """Nodes of at most so many triangles are a task of their own."""
 
+ROOM = 1 << 14
+"""Nodes for which there is room at first."""
+
 SMALL = 2048
 BINNED_SMALL = 256
 """Nodes of at most so many triangles are swept in sorted lists; the second is of "binned"."""
@@ -35,7 +38,8 @@ class Work(NamedTuple):
     """What tasks share, each within its own range of slots; i is a box's place, not its triangle.
 
     `boxes` (m, 6) float32; `ids` (m,) uint32: what moves with the boxes; `lists` (3, m) uint32: places along each axis,
-    where a range is sorted; scratch: `areas`, `is_right` (m,).
+    where a range is sorted; scratch: `areas`, `is_right`, `moved` (m,), `moved_boxes` (m, 6) if a sweep moves boxes.
+    numpy makes them, whose large arrays take large pages: compiled code's take a fault every 4 KiB.
     """
 
     boxes: Floats
@@ -43,6 +47,8 @@ class Work(NamedTuple):
     lists: Words
     areas: Floats
     is_right: Bytes
+    moved: Words
+    moved_boxes: Floats
 
 
 Cells = npt.NDArray[np.int64]
@@ -63,7 +69,7 @@ def build_bvh(boxes: Floats, costs: SahCosts, method: BvhMethod = "sah", max_dep
     """
     if len(boxes) == 0:
         raise ValueError("A tree needs at least one triangle; give a scene that has some.")
-    work = _sorted_work(boxes) if method == "median" else _unsorted_work(boxes)
+    work = _sorted_work(boxes) if method == "median" else _unsorted_work(boxes, method == "sah")
     rules = Rules(method != "median", min(max_depth, MAX_DEPTH), costs.traversal, costs.intersection, method == "sah")
     first = split_range(*work, 0, len(boxes), 0, int(method == "median"), rules, TASK)
     cells: list[list[int]] = first[4].tolist()
@@ -82,21 +88,23 @@ def _sorted_work(boxes: Floats) -> Work:
     near = spatial_order(boxes)
     work = normalised(boxes, near)
     keys = [partial(_order_along, work, axis) for axis in range(3)]
-    return _work(work, near, np.stack(each(keys)))
+    return _work(work, near, np.stack(each(keys)), 0)
 
 
 def _order_along(boxes: Floats, axis: int) -> Words:
     return stable_order(sort_keys(boxes[:, axis] + boxes[:, axis + 3]))
 
 
-def _unsorted_work(boxes: Floats) -> Work:
+def _unsorted_work(boxes: Floats, exact: bool) -> Work:
     as_given = np.arange(len(boxes), dtype=np.uint32)
-    return _work(normalised(boxes, as_given), as_given, np.empty((3, len(boxes)), np.uint32))
+    lists = np.empty((3, len(boxes)), np.uint32)
+    return _work(normalised(boxes, as_given), as_given, lists, len(boxes) if exact else 0)
 
 
-def _work(boxes: Floats, ids: Words, lists: Words) -> Work:
+def _work(boxes: Floats, ids: Words, lists: Words, moving: int) -> Work:
     m = len(boxes)
-    return Work(boxes, ids, lists, np.empty(m, np.float32), np.empty(m, np.uint8))
+    areas, is_right, moved = np.empty(m, np.float32), np.empty(m, np.uint8), np.empty(m, np.uint32)
+    return Work(boxes, ids, lists, areas, is_right, moved, np.empty((moving, 6), np.float32))
 
 
 def _joined(first: Part, parts: list[Part]) -> tuple[Ints, Ints, Bytes, Ints]:
@@ -139,6 +147,8 @@ def split_range(
     lists: Words,
     areas: Floats,
     is_right: Bytes,
+    moved: Words,
+    moved_boxes: Floats,
     first: int,
     last: int,
     level: int,
@@ -150,12 +160,11 @@ def split_range(
 
     A node that waits is already written as a leaf over its range of slots, so leaves need no further work.
     """
-    most = 2 * (last - first) - 1
-    child, count = np.zeros(most, np.int32), np.zeros(most, np.int32)
-    axis, parent = np.zeros(most, np.uint8), np.zeros(most, np.int32)
-    moved = np.empty(last - first, np.uint32)
-    moved_boxes = np.empty((last - first if rules.exact and not is_sorted else 0, 6), np.float32)
-    waiting, cells = np.zeros((MAX_DEPTH + 2, 3), np.int64), np.zeros((most if stop > 0 else 0, 5), np.int64)
+    room = min(2 * (last - first) - 1, ROOM)
+    child, count = np.empty(room, np.int32), np.empty(room, np.int32)
+    axis, parent = np.zeros(room, np.uint8), np.empty(room, np.int32)
+    moved, moved_boxes = moved[first:last], moved_boxes[first:last]
+    waiting, cells = np.zeros((MAX_DEPTH + 2, 3), np.int64), np.empty((room if stop > 0 else 0, 5), np.int64)
     child[0], count[0], parent[0] = first, last - first, -1
     waiting[0, 1], waiting[0, 2] = level, is_sorted
     small = SMALL if rules.exact else BINNED_SMALL
@@ -192,14 +201,19 @@ def split_range(
             if chosen == NO_SPLIT:
                 continue
             _partition(lists, is_right, moved, chosen, begin, cut, end)
+        if made + 2 > len(child):
+            room = 2 * len(child) + 2
+            child, count, parent = resized(child, room), resized(count, room), resized(parent, room)
+            axis = resized(axis, room)
+            cells = resized_rows(cells, room if stop > 0 else 0)
         _make_children(child, count, parent, node, made, begin, cut, end)
-        axis[node] = chosen
+        axis[node], axis[made], axis[made + 1] = chosen, 0, 0
         for side in range(2):
             waiting[top, 0], waiting[top, 1], waiting[top, 2] = made + 1 - side, depth + 1, in_order
             top += 1
         made += 2
     nodes = (resized(child, made), resized(count, made), resized(axis, made), resized(parent, made))
-    return (*nodes, cells[:cut_off].copy())
+    return (*nodes, resized_rows(cells, cut_off))
 
 
 @jit

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from renderer.jit import jit
 
-Scalar = TypeVar("Scalar", np.float32, np.int32, np.uint32, np.uint8)
+Scalar = TypeVar("Scalar", np.float32, np.int32, np.uint32, np.uint8, np.int64)
 
 
 @jit

@@ -48,12 +48,16 @@ def compile_builder(kind: Kind, builder: Builder = "sah") -> None:
     build_uncached(few, kind, builder, SahCosts())
 
 
-@jit
 def bounds(triangles: Floats) -> Floats:
     """The box of each triangle, (m, 2, 3) float32: lower and upper corner."""
     boxes = np.empty((len(triangles), 2, 3), np.float32)
+    _bound(triangles, boxes)
+    return boxes
+
+
+@jit
+def _bound(triangles: Floats, boxes: Floats) -> None:
     for i in range(len(triangles)):
         for k in range(3):
             a, b, c = triangles[i, 0, k], triangles[i, 1, k], triangles[i, 2, k]
             boxes[i, 0, k], boxes[i, 1, k] = min(min(a, b), c), max(max(a, b), c)
-    return boxes

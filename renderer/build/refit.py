@@ -11,22 +11,30 @@ from renderer.jit import jit
 Flags = npt.NDArray[np.bool_]
 
 
-@jit
 def fit_boxes(boxes: Floats, child: Ints, count: Ints, order: Ints) -> tuple[Floats, Floats]:
     """The exact union of each node's triangle boxes, (n, 3) lower and upper; children come after parents."""
-    lower = np.full((len(child), 3), np.float32(np.inf), np.float32)
-    upper = np.full((len(child), 3), np.float32(-np.inf), np.float32)
-    for node in range(len(child) - 1, -1, -1):
-        for axis in range(3):
-            low, high = np.float32(np.inf), np.float32(-np.inf)
-            if count[node] == 0:
-                low = min(lower[child[node], axis], lower[child[node] + 1, axis])
-                high = max(upper[child[node], axis], upper[child[node] + 1, axis])
-            for slot in range(child[node], child[node] + count[node]):
-                low = min(low, boxes[order[slot], 0, axis])
-                high = max(high, boxes[order[slot], 1, axis])
-            lower[node, axis], upper[node, axis] = low, high
+    lower, upper = np.empty((len(child), 3), np.float32), np.empty((len(child), 3), np.float32)
+    _fit(boxes, child, count, order, lower, upper)
     return lower, upper
+
+
+@jit
+def _fit(boxes: Floats, child: Ints, count: Ints, order: Ints, lower: Floats, upper: Floats) -> None:
+    for node in range(len(child) - 1, -1, -1):
+        if count[node] == 0:
+            left = child[node]
+            for axis in range(3):
+                lower[node, axis] = min(lower[left, axis], lower[left + 1, axis])
+                upper[node, axis] = max(upper[left, axis], upper[left + 1, axis])
+            continue
+        x0, y0, z0 = np.float32(np.inf), np.float32(np.inf), np.float32(np.inf)
+        x1, y1, z1 = np.float32(-np.inf), np.float32(-np.inf), np.float32(-np.inf)
+        for slot in range(child[node], child[node] + count[node]):
+            box = boxes[order[slot]]
+            x0, y0, z0 = min(x0, box[0, 0]), min(y0, box[0, 1]), min(z0, box[0, 2])
+            x1, y1, z1 = max(x1, box[1, 0]), max(y1, box[1, 1]), max(z1, box[1, 2])
+        lower[node, 0], lower[node, 1], lower[node, 2] = x0, y0, z0
+        upper[node, 0], upper[node, 1], upper[node, 2] = x1, y1, z1
 
 
 @jit

@@ -25,7 +25,7 @@ STEPS = 8
 def sort_range(boxes: Floats, lists: Words, begin: int, end: int) -> None:
     """Fills the three lists of a range with its slots in the order of their centroids, stably."""
     size = end - begin
-    keys, buckets = np.empty(size, np.float32), np.empty(BUCKETS + 1 if size > FEW else 0, np.uint32)
+    keys, buckets = np.empty(size, np.float32), np.empty(min(size, BUCKETS) + 1 if size > FEW else 0, np.uint32)
     for axis in range(3):
         for i in range(size):
             keys[i] = boxes[begin + i, axis] + boxes[begin + i, axis + 3]
@@ -49,12 +49,13 @@ def _in_buckets(keys: Floats, own: Words, buckets: Words) -> bool:
         low, high = min(key, low), max(key, high)
     if not high - low > LEAST_REACH:
         return False
-    scale = np.float32(BUCKETS) * np.float32(0.9999) / (high - low)
-    for b in range(BUCKETS + 1):
+    last = len(buckets) - 1
+    scale = np.float32(last) * np.float32(0.9999) / (high - low)
+    for b in range(last + 1):
         buckets[b] = 0
     for key in keys:
         buckets[np.uint64(np.uint32((key - low) * scale)) + np.uint64(1)] += np.uint32(1)
-    for b in range(BUCKETS):
+    for b in range(last):
         buckets[b + 1] += buckets[b]
     for i in range(len(keys)):
         bucket = np.uint64(np.uint32((keys[i] - low) * scale))

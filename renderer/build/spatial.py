@@ -40,13 +40,13 @@ def _morton_codes(centre: Floats, lowest: Floats, reach: Floats) -> Words:
 def normalised(boxes: Floats, order: Words) -> Floats:
     """(m, 6) copies in `order`, scaled by a power of two so that no area over- or underflows."""
     _, exponent = np.frexp(np.abs(boxes).max())
-    return _gather_scaled(boxes.reshape(-1, 6), order, np.ldexp(1.0, -int(exponent)))
+    gathered = np.empty((len(order), 6), np.float32)
+    _gather_scaled(boxes.reshape(-1, 6), order, np.ldexp(1.0, -int(exponent)), gathered)
+    return gathered
 
 
 @jit
-def _gather_scaled(boxes: Floats, order: Words, scale: float) -> Floats:
-    gathered = np.empty((len(order), 6), np.float32)
+def _gather_scaled(boxes: Floats, order: Words, scale: float, gathered: Floats) -> None:
     for i in range(len(order)):
         for side in range(6):
             gathered[i, side] = np.float32(boxes[order[i], side] * scale)
-    return gathered
