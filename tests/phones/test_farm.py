@@ -192,6 +192,9 @@ def test_a_phone_that_hangs_ends_at_its_deadline_and_holds_up_nobody(
     phone.persona.set_environment(RAYFARM_SHIM_HANG="finish:3")
     begun = time.monotonic()
     hung, after = farm.job(phone), farm.job(phone)
+    # Reset at once: the farm gives the phone its next job before anyone could after the first one's end.
+    wait_until(lambda: _runs_a_plan(phone), 60.0)
+    phone.persona.set_environment()
     studies = [farm.study(other_phone.serial, name=name, axes={"method": "compute"}) for name in ("one", "two")]
     jobs = [job for study in studies for job in farm.finished(study)]
     assert {job["study"] for job in jobs} == {study["id"] for study in studies}
@@ -200,7 +203,6 @@ def test_a_phone_that_hangs_ends_at_its_deadline_and_holds_up_nobody(
     assert_one_at_a_time(jobs)
     job = farm.wait(hung, lambda now: now["state"] == "failed")
     print(f"hung: ended after {time.monotonic() - begun:.1f} s")
-    phone.persona.set_environment()
     assert at_once(jobs, [job])
     # The agent ends itself; on a machine so busy that preparing took long, its leash comes first.
     agent_s = SLICE_TIMEOUT_S * AGENT_SHARE
@@ -209,6 +211,12 @@ def test_a_phone_that_hangs_ends_at_its_deadline_and_holds_up_nobody(
     )
     assert not was_retried(job)
     assert_recorded_once(farm, farm.ended(after))
+
+
+def _runs_a_plan(phone: StandInPhone) -> bool:
+    """Whether the agent runs a plan there, so that what was in its environment is read."""
+    words = " ".join(word for one in phone.processes() for word in one.command)
+    return (phone.local_tmp / "rayfarm/plan").exists() and "lwjgl" in words
 
 
 def test_a_phone_set_aside_parks_its_jobs_until_it_is_cleared(farm: Farm, phone: StandInPhone) -> None:
