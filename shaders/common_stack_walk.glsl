@@ -1,14 +1,14 @@
+#include "common_root.glsl"
+
 // The stack walk: both children are tested at their parent, the near one by the split axis goes first, while-while (Aila
 // and Laine 2009). What is kept of a node is its link word, so leaves are not fetched again. A traversal says what else
 // waits with a link, `stack_wait`, and which entries need no visit once a leaf is done, `stack_pass`. The stack is
 // written and read whether it is used or not: where lanes run in masked loops, a store that some of them skip costs more.
 void trace(const bool any_hit) {
-    COUNT_NODE(NODE_WORDS);
+    uint root;
+    bool entered = enters_root(root);
     vec3 lower, upper;
     float entry;
-    uint root;
-    fetch_node(0u, lower, upper, root);
-    bool entered = box_hit(lower, upper, entry);
     stack_wait(0, STACK_END, 0.0);
     int top = 0;  // where the next popped link lies
     uint link = entered ? root : STACK_END;

@@ -1,16 +1,15 @@
 #include "common_leaf.glsl"
 #include "common_path.glsl"
+#include "common_root.glsl"
 
 // Backtracking in constant time (Binder and Keller 2016): a trail of one bit a level says where a far child waits, the
 // lowest bit for the level of the walk, and a table finds that level's children by the path that leads to them
 // (`renderer/pack/paths.py`).
 void trace(const bool any_hit) {
-    COUNT_NODE(NODE_WORDS);
+    uint root;
+    bool done = !enters_root(root);
     vec3 lower, upper;
     float entry;
-    uint root;
-    fetch_node(0u, lower, upper, root);
-    bool done = !box_hit(lower, upper, entry);
     uint link = root;
     uint side = 1u;
     path_clear();

@@ -1,15 +1,13 @@
 #include "common_leaf.glsl"
+#include "common_root.glsl"
 #include "common_trail.glsl"
 
 // Laine 2010, without a short stack: both children are tested at their parent, the nearer goes first, and a restart
 // from the root follows the trail. A set bit means that nothing but the last child of that level is left.
 void trace(const bool any_hit) {
-    COUNT_NODE(NODE_WORDS);
-    vec3 lower, upper;
-    float entry;
     uint root;
-    fetch_node(0u, lower, upper, root);
-    bool done = !box_hit(lower, upper, entry);
+    bool done = !enters_root(root);
+    vec3 lower, upper;
 
     trail_clear();
     int pop_level = -1;

@@ -1,16 +1,14 @@
 #include "common_leaf.glsl"
+#include "common_root.glsl"
 #include "common_trail.glsl"
 
 // Laine 2010: a restart trail, and a short stack of far children that spares most restarts (Vaidyanathan et al. 2019). A
 // push beyond its size forgets the oldest, which a restart from the root then finds. The lowest level that the trail has
 // left is that of the stack's last entry. The stack is written whether a child is pushed or not, so one entry is never held.
 void trace(const bool any_hit) {
-    COUNT_NODE(NODE_WORDS);
-    vec3 lower, upper;
-    float entry;
     uint root;
-    fetch_node(0u, lower, upper, root);
-    bool done = !box_hit(lower, upper, entry);
+    bool done = !enters_root(root);
+    vec3 lower, upper;
 
     trail_clear();
     uint stack[SHORT_STACK];
