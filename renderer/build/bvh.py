@@ -26,8 +26,8 @@ BvhMethod = Literal["sah", "median", "binned"]
 TASK = 1 << 15
 """Nodes of at most so many triangles are a task of their own."""
 
-ROOM = 1 << 14
-"""Nodes for which there is room at first."""
+ROOM = 2 * TASK
+"""Nodes for which there is room at first: a task's never grow."""
 
 SMALL = 2048
 BINNED_SMALL = 256
@@ -162,10 +162,10 @@ def split_range(
     """
     room = min(2 * (last - first) - 1, ROOM)
     child, count = np.empty(room, np.int32), np.empty(room, np.int32)
-    axis, parent = np.zeros(room, np.uint8), np.empty(room, np.int32)
+    axis, parent = np.empty(room, np.uint8), np.empty(room, np.int32)
     moved, moved_boxes = moved[first:last], moved_boxes[first:last]
     waiting, cells = np.zeros((MAX_DEPTH + 2, 3), np.int64), np.empty((room if stop > 0 else 0, 5), np.int64)
-    child[0], count[0], parent[0] = first, last - first, -1
+    child[0], count[0], axis[0], parent[0] = first, last - first, 0, -1
     waiting[0, 1], waiting[0, 2] = level, is_sorted
     small = SMALL if rules.exact else BINNED_SMALL
     top, made, cut_off = 1, 1, 0

@@ -16,6 +16,7 @@ FEW = 24
 """Up to so many are inserted one by one."""
 
 BUCKETS = 2048
+"""At most so many, and no more than there are keys."""
 
 STEPS = 8
 """Insertion takes at most so many steps a box, before all are sorted by digits instead."""
@@ -49,13 +50,13 @@ def _in_buckets(keys: Floats, own: Words, buckets: Words) -> bool:
         low, high = min(key, low), max(key, high)
     if not high - low > LEAST_REACH:
         return False
-    last = len(buckets) - 1
-    scale = np.float32(last) * np.float32(0.9999) / (high - low)
-    for b in range(last + 1):
+    number = len(buckets) - 1
+    scale = np.float32(number) * np.float32(0.9999) / (high - low)
+    for b in range(number + 1):
         buckets[b] = 0
     for key in keys:
         buckets[np.uint64(np.uint32((key - low) * scale)) + np.uint64(1)] += np.uint32(1)
-    for b in range(last):
+    for b in range(number):
         buckets[b + 1] += buckets[b]
     for i in range(len(keys)):
         bucket = np.uint64(np.uint32((keys[i] - low) * scale))
