@@ -26,11 +26,20 @@ STEP = 7
 
 
 def variants() -> Iterator[Variant]:
-    """Every traversal twice, with others of the values that MET has."""
+    """Every traversal twice, with others of the values that MET has: those first that none before had."""
+    met: set[str] = set()
+
+    def unmet(variant: Variant) -> int:
+        return len({getattr(variant, axis) for axis in MET} - met)
+
     for number, traversal in enumerate(TRAVERSALS):
         methods = ("compute",) if TRAVERSALS[traversal].packet else ("fragment", "compute")
         every = matrix({axis: AXES[axis] for axis in MET} | {"traversal": (traversal,), "method": methods})[0]
-        yield from (every[(STEP * (number + turn)) % len(every)] for turn in (0, 1))
+        for turn in (0, 1):
+            at = STEP * (number + turn) % len(every)
+            variant = max(every[at:] + every[:at], key=unmet)
+            met.update(getattr(variant, axis) for axis in MET)
+            yield variant
     yield Variant("bvh-stack", "hybrid", "split", nodes="grid16")
     yield Variant("kd-short-stack", "hybrid")
 
