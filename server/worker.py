@@ -20,7 +20,7 @@ from renderer.request import Request
 from server.logs import about, facts
 from server.queue import ledger, lives
 from server.queue.care import CARE_S, look_after
-from server.queue.durable import POOL, WORKFLOW, Durable, configuration, host_queue, stop_retrying
+from server.queue.durable import POOL, WORKFLOW, Durable, configuration, host_queue, stop_retrying, stop_taking
 from server.queue.ledger import Claim
 from server.queue.trouble import Trouble, patiently
 from server.queue.watch import Watch
@@ -100,6 +100,7 @@ class Worker:
         self._ended.set()
         self._beating.join()
         stop_retrying(self._queue)
+        stop_taking(self._queue)
         DBOS.destroy(destroy_registry=True)
         try:
             lives.end(self.database, self.durable, self.name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import uuid
 from collections.abc import Sequence
 from datetime import datetime
@@ -18,6 +19,8 @@ VERSION = "1"
 WORKFLOW = "slice"
 POOL = "llvmpipe"
 """The queue of slices that any host with llvmpipe may run."""
+STOP_S = 10.0
+"""How long a worker that ends waits for each thread that takes slices."""
 
 
 def host_queue(host: str) -> str:
@@ -120,3 +123,15 @@ def stop_retrying(queue: DBOS) -> None:
     """
     # Only a client has an argument for it (`retry_connection_errors`, DBOS 3.4).
     vars(queue._sys_db)["_retry_connection_errors"] = False
+
+
+def stop_taking(queue: DBOS) -> None:
+    """Take no more slices: at the end, whatever this worker took is handed to its event loop.
+
+    DBOS stops that loop without waiting for the threads that feed it, and what comes too late is never awaited.
+    """
+    for event in queue.background_thread_stop_events:
+        event.set()
+    for thread in threading.enumerate():
+        if thread.name.startswith("queue-worker-"):
+            thread.join(STOP_S)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from datetime import timedelta
@@ -111,6 +113,27 @@ def test_a_stopped_worker_hands_its_slice_back_at_once(
     assert child.wait(10) == 0
     state = service.get(f"jobs/{job['id']}")
     assert (state["state"], state["reason"]) == ("queued", "Its worker was stopped. Attempt 2 follows.")
+    service.work()
+    assert service.get(f"jobs/{job['id']}")["state"] == "done"
+
+
+def test_what_is_taken_while_a_worker_stops_is_measured_by_the_next(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken, go = threading.Event(), threading.Event()
+    with service.working() as worker:
+        read = worker._queue._sys_db.get_workflow_statuses
+
+        def slowly(workflows: list[str]) -> Any:
+            taken.set()
+            go.wait(10)
+            return read(workflows)
+
+        monkeypatch.setattr(worker._queue._sys_db, "get_workflow_statuses", slowly)
+        job = service.post("jobs", scene="cornell-box", frames=1)
+        assert taken.wait(10)
+        threading.Timer(0.5, go.set).start()
+    gc.collect()  # a coroutine that nothing awaited would warn here
     service.work()
     assert service.get(f"jobs/{job['id']}")["state"] == "done"
 
