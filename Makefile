@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check -q install -c constraints.txt
 ARGS ?=
 
-.PHONY: all run agent phone phone-compiler test test-gpu test-rest test-api test-chaos test-soak check docs benchmark clean
+.PHONY: all run agent phone phone-compiler test test-api test-chaos test-soak check docs benchmark clean
 
 all: $(VENV)/.ready
 
@@ -26,17 +26,12 @@ phone: $(VENV)/.ready-to-test
 phone-compiler:
 	PYTHON=$(PYTHON) tools/phone_compiler.sh
 
-# Everything, in two halves at once; `make test ARGS=tests/unit/test_plan.py` runs what is named.
+# Everything, one file more at once than there are cores, as many tests wait for others' clocks;
+# `make test ARGS=tests/unit/test_plan.py` runs what is named.
 test: $(VENV)/.ready-to-test
 	$(MAKE) check
 	$(BIN)/python -m agent_android.build desktop
-	$(if $(ARGS),$(BIN)/pytest $(ARGS),$(MAKE) -j2 --output-sync=target test-gpu test-rest)
-
-test-gpu:
-	$(BIN)/pytest tests/gpu
-
-test-rest:
-	$(BIN)/pytest --ignore tests/gpu
+	$(BIN)/pytest $(or $(ARGS),-n $(shell expr $$(nproc) + 1) --dist loadfile --no-loadscope-reorder)
 
 # At least 10,000 made-up requests to the whole API.
 test-api: $(VENV)/.ready-to-test
