@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import random
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 import pytest
@@ -26,6 +27,8 @@ from server.store.engines import make_engine, writing_engine
 from server.store.models import Job, Result, Setup
 from server.store.records import Order, add_jobs, add_result, add_study
 from server.store.setups import digest_of, facts_of
+
+FreshDatabase = Callable[..., AbstractContextManager[str]]
 
 COUNT = 150
 QUERIES = (
@@ -79,11 +82,20 @@ def add(session: Session, draw: random.Random, studies: list[int | None]) -> Sto
     return Stored(part.job.id, study, result.recorded_at.isoformat(), found)
 
 
-@pytest.fixture(params=[1, 2, 3])
-def filled(request: pytest.FixtureRequest, database_url: str) -> Iterator[tuple[Database, list[Stored]]]:
-    """A database with results, and these, the newest first."""
-    draw = random.Random(request.param)
-    database = Database(database_url)
+@pytest.fixture(scope="module", params=[1, 2, 3])
+def filled(
+    request: pytest.FixtureRequest, database_kind: str, fresh_database: FreshDatabase
+) -> Iterator[tuple[Database, list[Stored]]]:
+    """A database with results, and these, the newest first; for tests that read."""
+    with fresh_database(database_kind) as url, holding(url, request.param) as held:
+        yield held
+
+
+@contextmanager
+def holding(url: str, seed: int) -> Iterator[tuple[Database, list[Stored]]]:
+    """Results of a seed put into an empty database, the newest first."""
+    draw = random.Random(seed)
+    database = Database(url)
     with database.writing() as session:
         studies = [None, *(add_study(session, name, {}, []).id for name in "ab")]
         stored = [add(session, draw, studies) for _ in range(COUNT)]
@@ -113,19 +125,19 @@ def test_the_store_gives_the_table_of_all_documents(filled: tuple[Database, list
     assert (len(table.flat), list(table.flat)) == (len(wanted.flat), list(wanted.flat))
 
 
-def test_what_is_added_later_is_there(filled: tuple[Database, list[Stored]]) -> None:
-    database, stored = filled
-    asked = read_selection(QueryParams("rows=scene&cols=device"))
-    before = load_comparison(database, asked)
-    assert "bunny" not in known_values(database)["scene"]
-    with database.writing() as session:
-        [part] = add_jobs(session, [Order(Request("bunny", Variant(), rounds=1))])
-        add_result(session, part.job, stored[0].document | {"scene": "bunny"})
-    after = load_comparison(database, asked)
-    assert ("bunny",) not in before.row_keys
-    assert ("bunny",) in after.row_keys
-    assert len(after.flat) == len(before.flat) + 1 == COUNT + 1
-    assert known_values(database)["scene"] == ["bunny", "cornell-box", "forest"]
+def test_what_is_added_later_is_there(database_url: str) -> None:
+    with holding(database_url, 1) as (database, stored):
+        asked = read_selection(QueryParams("rows=scene&cols=device"))
+        before = load_comparison(database, asked)
+        assert "bunny" not in known_values(database)["scene"]
+        with database.writing() as session:
+            [part] = add_jobs(session, [Order(Request("bunny", Variant(), rounds=1))])
+            add_result(session, part.job, stored[0].document | {"scene": "bunny"})
+        after = load_comparison(database, asked)
+        assert ("bunny",) not in before.row_keys
+        assert ("bunny",) in after.row_keys
+        assert len(after.flat) == len(before.flat) + 1 == COUNT + 1
+        assert known_values(database)["scene"] == ["bunny", "cornell-box", "forest"]
 
 
 def test_results_share_their_set_ups(filled: tuple[Database, list[Stored]]) -> None:
