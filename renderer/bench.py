@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from renderer.answering import Say, silent
 from renderer.child import ChildError, run_child
 from renderer.phone_compile.result import result_of
 from renderer.request import Request
@@ -21,15 +22,15 @@ _ERRORS = (
 
 
 def run_slice(
-    request: Request, round_index: int, timeout_s: float = 900.0, *, pictures: Path | None = None
+    request: Request, round_index: int, timeout_s: float = 900.0, *, pictures: Path | None = None, note: Say = silent
 ) -> dict[str, Any]:
     """Run one slice in a fresh child process and return its measurement; raise ChildError with the reason if it fails.
 
     A slice may measure for `timeout_s` seconds; waiting for another measurement on this host does not count. The first
-    round's pictures go into the folder `pictures` (`renderer.pictures.files`).
+    round's pictures go into the folder `pictures` (`renderer.pictures.files`). `note` hears how far a long build is.
     """
     task = {"request": request.to_json(), "round": round_index, "pictures": None if pictures is None else str(pictures)}
-    return run_child("renderer.slice", task, request.threads, timeout_s)
+    return run_child("renderer.slice", task, request.threads, timeout_s, note=note)
 
 
 def run_jobs(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import cast
 
+from renderer.answering import Say, silent
 from renderer.build.api import build
 from renderer.build.tree import Builder, Bvh, SahCosts, Tree
 from renderer.kept_packed import kept_packed
@@ -47,27 +48,28 @@ Built = tuple[Tree | None, float | None]
 """A tree and the CPU milliseconds of its build."""
 
 
-def prepare(request: Request, scene: Scene | None = None, built: Built | None = None) -> Prepared:
+def prepare(request: Request, scene: Scene | None = None, built: Built | None = None, note: Say = silent) -> Prepared:
     """Load, build and pack; raise SceneError, BuildError or PackError with one sentence.
 
-    `scene` and `built` are the request's own where they are at hand.
+    `scene` and `built` are the request's own where they are at hand; `note` hears how far a long build is.
     """
     scene = scene or load(request.scene)
-    tree, build_ms = built or build_tree(scene, request)
+    tree, build_ms = built or build_tree(scene, request, note)
     return Prepared(request, scene, tree, build_ms, pack(scene, tree, request))
 
 
-def prepare_again(request: Request) -> Prepared:
+def prepare_again(request: Request, note: Say = silent) -> Prepared:
     """`prepare` for what other processes prepare too: what is packed is kept on disk."""
     scene = load(request.scene)
-    tree, build_ms = build_tree(scene, request)
+    tree, build_ms = build_tree(scene, request, note)
     packed = kept_packed(scene, request, lambda: pack(scene, tree, request))
     return Prepared(request, scene, tree, build_ms, packed)
 
 
-def build_tree(scene: Scene, request: Request) -> Built:
+def build_tree(scene: Scene, request: Request, note: Say = silent) -> Built:
     """The request's tree, from the cache where it is there."""
     kind = request.variant.structure
     if kind == "none":
         return None, None
-    return build(scene.key, lambda: scene.triangles, kind, cast(Builder, request.variant.builder), request.costs)
+    builder = cast(Builder, request.variant.builder)
+    return build(scene.key, lambda: scene.triangles, kind, builder, request.costs, note)

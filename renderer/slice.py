@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.answering import Say, answer_task, silent
+from renderer.answering import Say, answer_task, silent, tell_note
 from renderer.host import Host
 from renderer.instrumented import records_of, refuse_cut
 from renderer.locks import holding, machine_lock
@@ -47,18 +47,20 @@ def measure(
     pictures: Path | None = None,
     *,
     fresh: bool = False,
+    note: Say = silent,
 ) -> Measurement:
     """Measure one round on `host`: counters and errors in the first round, frame times in each.
 
     `say` is told each phase: `waiting` for a lock, `preparing`, `running`, `judging`. Our own heavy work holds this
     machine's lock, the run holds the device's. The first round's pictures go into the folder `pictures`.
-    `fresh` tells that this process was started for this round: its start counts then.
+    `fresh` tells that this process was started for this round: its start counts then. `note` hears how far a long
+    build is.
     """
     starting_s = process_age_s() if fresh else None
     started = datetime.now(UTC).isoformat(timespec="seconds")
     phases = Phases()
     with _phase("preparing", machine_lock(), say, phases):
-        ready = _make_ready(request, round_index, host, phases)
+        ready = _make_ready(request, round_index, host, phases, note)
     with _phase("running", host.lock, say, phases):
         device = host.device()
         with phases.timed("collecting"):
@@ -113,9 +115,9 @@ class _Ready:
     oracle: Oracle | None
 
 
-def _make_ready(request: Request, round_index: int, host: Host, phases: Phases) -> _Ready:
+def _make_ready(request: Request, round_index: int, host: Host, phases: Phases, note: Say) -> _Ready:
     with phases.timed("preparing"):
-        prepared = prepare_again(request) if request.rounds > 1 else prepare(request)
+        prepared = prepare_again(request, note) if request.rounds > 1 else prepare(request, note=note)
     first, paced = round_index == 0, request.vs_embree and host.paces
     oracle = None
     if paced or (first and request.check != "none"):
@@ -256,7 +258,8 @@ def pictures_of(task: dict[str, Any]) -> Path | None:
 
 def _work(task: dict[str, Any], say: Say) -> Measurement:
     request = Request.from_json(task["request"])
-    return measure(request, task["round"], TwinHost(request.threads), say, pictures_of(task), fresh=True)
+    host = TwinHost(request.threads)
+    return measure(request, task["round"], host, say, pictures_of(task), fresh=True, note=tell_note)
 
 
 if __name__ == "__main__":

@@ -51,9 +51,6 @@ class SliceRunner:
             return await asyncio.to_thread(take_up, measurement, folder, self.blobs)
 
     async def _recommend(self, held: Claim, query: Json, say: AsyncSay) -> Json:
-        async def note(text: str) -> None:
-            await asyncio.to_thread(ledger.note, self.database, held, text)
-
         task: Json = {"query": query}
         module = "renderer.recommend.task"
         if self._is_phone(held.device):
@@ -66,7 +63,7 @@ class SliceRunner:
             held.request.get("threads", 1),
             self.settings.slice_timeout_s * RECOMMENDATION_SLICES,
             say,
-            note=note,
+            note=self._noting(held),
             lease_s=self.settings.lease_s / 2,
             has_lease=self.has_lease,
             memory_mb=self.settings.slice_memory_mb,
@@ -89,10 +86,19 @@ class SliceRunner:
             held.request.get("threads", 1),
             limit_s,
             say,
+            note=self._noting(held),
             lease_s=lease_s / 2,
             has_lease=self.has_lease,
             memory_mb=self.settings.slice_memory_mb,
         )
+
+    def _noting(self, held: Claim) -> AsyncSay:
+        """What a child notes goes into its job's history."""
+
+        async def note(text: str) -> None:
+            await asyncio.to_thread(ledger.note, self.database, held, text)
+
+        return note
 
     def _is_phone(self, device: str) -> bool:
         with self.database.reading() as session:

@@ -10,6 +10,7 @@ import numpy as np
 
 from renderer.build.cache import Kind, cached
 from renderer.build.errors import BuildError as BuildError
+from renderer.build.progress import Told, sentences, untold
 from renderer.build.tree import Builder, Floats, SahCosts, Tree
 
 BUILDERS: dict[Kind, tuple[Builder, ...]] = {
@@ -24,12 +25,13 @@ def build(
     kind: Kind,
     builder: Builder = "sah",
     costs: SahCosts | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> tuple[Tree, float]:
     """The structure over `triangles` (m, 3, 3) float32, and the CPU milliseconds of its build without compilation.
 
     `scene_key` names the triangles by content (Scene.key); a function that gives them is called where nothing is kept.
-    A KD-tree is built over padded boxes. Raises BuildError for no triangles, coordinates or costs that are not finite,
-    negative costs, and a builder that does not make that kind.
+    A build that takes seconds tells `say` how far it is. A KD-tree is built over padded boxes. Raises BuildError for no
+    triangles, coordinates or costs that are not finite, negative costs, and a builder that does not make that kind.
     """
     costs = costs or SahCosts()
     _check(kind, builder, costs)
@@ -37,16 +39,17 @@ def build(
     def make() -> tuple[Tree, float]:
         given = triangles() if callable(triangles) else triangles
         _check_triangles(given)
-        return _timed_build(given, kind, builder, costs)
+        what = f"building a {_NAMES[kind]} ({builder}) over {len(given):,} triangles"
+        return _timed_build(given, kind, builder, costs, untold if say is None else sentences(what, say))
 
     return cached(kind, scene_key, costs, builder, make)
 
 
-def _timed_build(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts) -> tuple[Tree, float]:
+def _timed_build(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts, told: Told) -> tuple[Tree, float]:
     # A tree from the cache needs no builder, and so no compiler.
     from renderer.build.make import timed_build
 
-    return timed_build(triangles, kind, builder, costs)
+    return timed_build(triangles, kind, builder, costs, told)
 
 
 _NAMES: dict[Kind, str] = {"bvh": "BVH", "kd": "KD-tree"}

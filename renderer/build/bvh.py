@@ -12,6 +12,7 @@ from renderer.build.binned import binned_split
 from renderer.build.bounded import bounded_split
 from renderer.build.grow import resized, resized_rows
 from renderer.build.parallel import each
+from renderer.build.progress import TOP_SHARE, Told, untold, within
 from renderer.build.radix import sort_keys, stable_order
 from renderer.build.refit import depth_of, fit_boxes, sah_cost
 from renderer.build.sorted_range import sort_range
@@ -58,7 +59,9 @@ Part = tuple[Ints, Ints, Bytes, Ints, Cells]
 """A subtree: `child`, `count`, `axis` and `parent` of its nodes, its root first, and those of them that wait."""
 
 
-def build_bvh(boxes: Floats, costs: SahCosts, method: BvhMethod = "sah", max_depth: int = MAX_DEPTH) -> Bvh:
+def build_bvh(
+    boxes: Floats, costs: SahCosts, method: BvhMethod = "sah", max_depth: int = MAX_DEPTH, told: Told = untold
+) -> Bvh:
     """The BVH over m >= 1 triangle bounds, (m, 2, 3) float32, finite.
 
     "sah" cuts each node where the surface area heuristic is least over all cuts of the centroids' order on three
@@ -76,7 +79,7 @@ def build_bvh(boxes: Floats, costs: SahCosts, method: BvhMethod = "sah", max_dep
     tasks = [
         partial(split_range, *work, begin, end, depth, in_order, rules, 0) for _, begin, end, depth, in_order in cells
     ]
-    child, count, axis, parent = _joined(first, each(tasks))
+    child, count, axis, parent = _joined(first, each(tasks, within(told, TOP_SHARE, 1.0)))
     places = work.lists[0].view(np.int32)
     order = work.ids[places].view(np.int32)
     lower, upper = fit_boxes(boxes, child, count, order)

@@ -17,6 +17,7 @@ from renderer.build.kd_plane import best_plane
 from renderer.build.kd_small import FEW, finish, room_for_cells
 from renderer.build.pad import around
 from renderer.build.parallel import each
+from renderer.build.progress import TOP_SHARE, Told, untold, within
 from renderer.build.refit import depth_of, sah_cost
 from renderer.build.tree import KD_LEAF, MAX_DEPTH, Floats, Ints, Kd, SahCosts
 from renderer.jit import jit
@@ -36,7 +37,9 @@ class Rules(NamedTuple):
     stop: int
 
 
-def build_kd(boxes: Floats, costs: SahCosts, max_depth: int = MAX_DEPTH, shapes: Shapes | None = None) -> Kd:
+def build_kd(
+    boxes: Floats, costs: SahCosts, max_depth: int = MAX_DEPTH, shapes: Shapes | None = None, told: Told = untold
+) -> Kd:
     """The KD-tree over m >= 1 triangle bounds, (m, 2, 3) float32, finite; the root's cell is their union.
 
     Cells are cut at the cheapest of all their triangles' faces that lie strictly inside, a plane that cuts off
@@ -57,7 +60,7 @@ def build_kd(boxes: Floats, costs: SahCosts, max_depth: int = MAX_DEPTH, shapes:
     tasks = [
         partial(_waiting_part, first, cell, shapes, rules._replace(stop=0)) for cell in range(len(first.waiting.cells))
     ]
-    nodes, refs = joined(first, each(tasks))
+    nodes, refs = joined(first, each(tasks, within(told, TOP_SHARE, 1.0)))
     cost = sah_cost(nodes.lower, nodes.upper, nodes.axis == KD_LEAF, nodes.size, costs.traversal, costs.intersection)
     return Kd(
         lower=nodes.lower,

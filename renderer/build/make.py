@@ -14,31 +14,32 @@ from renderer.build.epo import epo
 from renderer.build.kd import build_kd
 from renderer.build.kd_clip import shapes_of
 from renderer.build.pad import padded
+from renderer.build.progress import Told, untold
 from renderer.build.refined import REFINEMENTS, build_refined
 from renderer.build.tree import Builder, Bvh, Floats, SahCosts, Tree
 from renderer.jit import jit
 
 
-def timed_build(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts) -> tuple[Tree, float]:
-    """The structure with its overlap, and the CPU milliseconds of its build without compilation."""
+def timed_build(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts, told: Told) -> tuple[Tree, float]:
+    """The structure with its overlap, and the CPU milliseconds of its build without compilation; tells its progress."""
     compile_builder(kind, builder)
     start = time.process_time()
-    tree = build_uncached(triangles, kind, builder, costs)
+    tree = build_uncached(triangles, kind, builder, costs, told)
     taken = (time.process_time() - start) * 1000.0
     # Whatever cell of a KD-tree holds a point lists its triangle.
     overlap = epo(tree, triangles, costs) if isinstance(tree, Bvh) else 0.0
     return replace(tree, epo=overlap), taken
 
 
-def build_uncached(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts) -> Tree:
+def build_uncached(triangles: Floats, kind: Kind, builder: Builder, costs: SahCosts, told: Told = untold) -> Tree:
     """The structure alone, built anew."""
     boxes = bounds(triangles)
     if kind == "kd":
         room = padded(boxes)
-        return build_kd(room, costs, shapes=shapes_of(triangles, room) if builder == "clipped" else None)
+        return build_kd(room, costs, shapes=shapes_of(triangles, room) if builder == "clipped" else None, told=told)
     if builder == "sah" or builder == "binned" or builder == "median":
-        return build_bvh(boxes, costs, builder)
-    return build_refined(boxes, costs, REFINEMENTS[builder])
+        return build_bvh(boxes, costs, builder, told=told)
+    return build_refined(boxes, costs, REFINEMENTS[builder], told=told)
 
 
 @lru_cache

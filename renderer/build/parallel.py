@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import TypeVar
+
+from renderer.build.progress import Told, untold
 
 Made = TypeVar("Made")
 
@@ -16,12 +18,17 @@ def threads() -> int:
     return int(os.environ.get("RAYFARM_BUILD_THREADS") or len(os.sched_getaffinity(0)))
 
 
-def each(tasks: Iterable[Callable[[], Made]]) -> list[Made]:
+def each(tasks: Sequence[Callable[[], Made]], told: Told = untold) -> list[Made]:
     """What the tasks return, in their order. Who runs them changes nothing, so equal input gives equal bytes."""
-    count = threads()
-    if count == 1:
-        return [task() for task in tasks]
-    return list(_pool(count).map(lambda task: task(), tasks))
+    count, made = threads(), list[Made]()
+    for one in map(_run, tasks) if count == 1 else _pool(count).map(_run, tasks):
+        made.append(one)
+        told(len(made) / len(tasks))
+    return made
+
+
+def _run(task: Callable[[], Made]) -> Made:
+    return task()
 
 
 @lru_cache

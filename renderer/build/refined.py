@@ -10,6 +10,7 @@ import numpy as np
 from renderer.build.bvh import build_bvh
 from renderer.build.loose import Loose, loosened, settled
 from renderer.build.optimise import LONG, SHORT, Round, optimised
+from renderer.build.progress import Told, untold, within
 from renderer.build.sbvh import References, split_down
 from renderer.build.spatial import spatial_order
 from renderer.build.tree import MAX_DEPTH, Bvh, Floats, SahCosts
@@ -35,7 +36,9 @@ REFINEMENTS = {
 """The builders of this file by their names. Re-insertion itself wins what splits that win little would."""
 
 
-def build_refined(boxes: Floats, costs: SahCosts, how: Refinement, max_depth: int = MAX_DEPTH) -> Bvh:
+def build_refined(
+    boxes: Floats, costs: SahCosts, how: Refinement, max_depth: int = MAX_DEPTH, told: Told = untold
+) -> Bvh:
     """The BVH over m >= 1 triangle bounds, (m, 2, 3) float32, finite.
 
     Where planes cut a triangle's box it is in several leaves, each of which has a part of the box, and the parts cover
@@ -44,16 +47,17 @@ def build_refined(boxes: Floats, costs: SahCosts, how: Refinement, max_depth: in
     if len(boxes) == 0:
         raise ValueError("A tree needs at least one triangle; give a scene that has some.")
     deepest = min(max_depth, MAX_DEPTH)
-    loose, refs = _split(boxes, deepest, how.split) if how.split > 0.0 else _swept(boxes, deepest)
-    loose = optimised(loose, how.rounds, deepest)
+    first = within(told, 0.0, 1.0 / (1 + len(how.rounds)))
+    loose, refs = _split(boxes, deepest, how.split, first) if how.split > 0.0 else _swept(boxes, deepest, first)
+    loose = optimised(loose, how.rounds, deepest, within(told, 1.0 / (1 + len(how.rounds)), 1.0))
     return settled(loose, refs.triangle, refs.box.reshape(-1, 2, 3), costs)
 
 
-def _split(boxes: Floats, max_depth: int, worth: float) -> tuple[Loose, References]:
+def _split(boxes: Floats, max_depth: int, worth: float, told: Told) -> tuple[Loose, References]:
     near = spatial_order(boxes)
-    return split_down(References(boxes.reshape(-1, 6)[near], near.view(np.int32)), max_depth, worth)
+    return split_down(References(boxes.reshape(-1, 6)[near], near.view(np.int32)), max_depth, worth, told)
 
 
-def _swept(boxes: Floats, max_depth: int) -> tuple[Loose, References]:
-    tree = build_bvh(boxes, SINGLES, max_depth=max_depth)
+def _swept(boxes: Floats, max_depth: int, told: Told) -> tuple[Loose, References]:
+    tree = build_bvh(boxes, SINGLES, max_depth=max_depth, told=told)
     return loosened(tree), References(boxes.reshape(-1, 6)[tree.order], tree.order)

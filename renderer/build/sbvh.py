@@ -11,6 +11,7 @@ import numpy.typing as npt
 from renderer.build.grow import resized, resized_rows
 from renderer.build.loose import Loose
 from renderer.build.parallel import each
+from renderer.build.progress import TOP_SHARE, Told, within
 from renderer.build.radix import stable_order
 from renderer.build.spatial_split import BINS, NO_PLANE, best_plane, row_area
 from renderer.build.tree import Bytes, Floats, Ints
@@ -50,7 +51,7 @@ class Part(NamedTuple):
     cells: npt.NDArray[np.int64]
 
 
-def split_down(refs: References, max_depth: int, worth: float) -> tuple[Loose, References]:
+def split_down(refs: References, max_depth: int, worth: float, told: Told) -> tuple[Loose, References]:
     """The tree of one reference a leaf, and the references in the slots' order.
 
     A plane is taken where it costs less than `worth` times the best object split.
@@ -63,7 +64,7 @@ def split_down(refs: References, max_depth: int, worth: float) -> tuple[Loose, R
         partial(_split_all, _rows_of(first.held, begin, end), depth, more, root, max_depth, worth, 0)
         for begin, end, depth, more in rows
     ]
-    return _joined(first, each(tasks))
+    return _joined(first, each(tasks, within(told, TOP_SHARE, 1.0)))
 
 
 def _rows_of(held: References, begin: int, end: int) -> References:

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any
 
-from renderer.answering import Json, Say, answer_task, silent
+from renderer.answering import Json, Say, answer_task, silent, tell_note
 from renderer.child import run_child
 from renderer.host import Host
 from renderer.locks import holding, machine_lock
@@ -104,7 +104,7 @@ def _work(task: Json, say: Say) -> Json:
     # Our own heavy work and a measurement never overlap: the whole of it holds the machine, which is the twin's device.
     with holding(machine_lock(), lambda: say("waiting")):
         say("preparing")
-        prepared = prepare(request)
+        prepared = prepare(request, note=tell_note)
         say("running")
         return compile_prepared(prepared, gpus, host, disassembly=bool(task.get("disassembly")))
 

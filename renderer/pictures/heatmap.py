@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from renderer.answering import Json, Say, answer_task
+from renderer.answering import Json, Say, answer_task, silent, tell_note
 from renderer.child import run_child
 from renderer.instrumented import records_of
 from renderer.locks import holding, machine_lock
@@ -30,7 +30,7 @@ def require_metric(name: str) -> str:
     return name
 
 
-def heatmap(request: Request, metric: str = "nodes", timeout_s: float = 900.0) -> Counts:
+def heatmap(request: Request, metric: str = "nodes", timeout_s: float = 900.0, note: Say = silent) -> Counts:
     """Count a metric per pixel, (h, w) int64, row 0 at the bottom.
 
     `request.rays` says whose fetches: of the primary ray, of the shadow rays, or of both together. Raise
@@ -40,7 +40,7 @@ def heatmap(request: Request, metric: str = "nodes", timeout_s: float = 900.0) -
     with tempfile.TemporaryDirectory(prefix="rayfarm-heatmap-") as folder:
         path = Path(folder) / "counts.npy"
         task = {"request": request.to_json(), "metric": metric, "counts": str(path)}
-        run_child("renderer.pictures.heatmap", task, request.threads, timeout_s)
+        run_child("renderer.pictures.heatmap", task, request.threads, timeout_s, note=note)
         counts: Counts = np.load(path)
         return counts
 
@@ -78,7 +78,7 @@ def _work(task: Json, say: Say) -> Json:
     request = Request.from_json(task["request"])
     with holding(machine_lock(), lambda: say("waiting")):
         say("running")
-        prepared = prepare(request)
+        prepared = prepare(request, note=tell_note)
         _refuse_uncounted(prepared)
         plan = prepared.plan(instrument=True)
         records = records_of(prepared, plan, TwinHost(request.threads).collect(plan))

@@ -19,6 +19,7 @@ from weakref import WeakValueDictionary, ref
 import numpy as np
 import numpy.typing as npt
 
+from renderer.answering import Say, silent
 from renderer.build.errors import BuildError
 from renderer.build.tree import Bvh
 from renderer.host import Frames, Host
@@ -83,7 +84,7 @@ class Pilot:
         self._oracle: Oracle | None = None
         self._referee: Bvh | None = None
 
-    def candidates(self, tell: Callable[[str], None]) -> list[Candidate]:
+    def candidates(self, tell: Say) -> list[Candidate]:
         """Build and pack every variant once; those that can, each program with its data once."""
         found: list[Candidate] = []
         programs: dict[object, str] = {}
@@ -93,7 +94,7 @@ class Pilot:
                 told = time.monotonic()
                 tell(f"preparing variant {number + 1} of {len(self.requests)}")
             try:
-                ready = self._ready(label)
+                ready = self._ready(label, tell)
                 plan = self._made(ready, self.base.size)
             except (BuildError, PackError, PlanError) as error:
                 self.failed[label] = str(error)
@@ -115,24 +116,24 @@ class Pilot:
 
     # What takes time
 
-    def _ready(self, label: str) -> Prepared:
+    def _ready(self, label: str, tell: Say = silent) -> Prepared:
         if label in self._prepared:
             self._prepared.move_to_end(label)
             return self._prepared[label]
         with self._preparing():
             request = self.requests[label]
-            ready = prepare(request, self.scene, self._built(request))
+            ready = prepare(request, self.scene, self._built(request, tell))
             self._prepared[label] = replace(ready, packed=self._shared(ready.packed))
             while len(self._prepared) > 1 and sum(one.nbytes for one in self._arrays.values()) > MOST_BYTES:
                 dropped, _ = self._prepared.popitem(last=False)
                 self._forget(dropped)
         return self._prepared[label]
 
-    def _built(self, request: Request) -> Built:
+    def _built(self, request: Request, tell: Say) -> Built:
         """The tree, once for all variants that differ in what no builder looks at."""
         key = request.variant.structure, request.variant.builder
         if key not in self._trees:
-            self._trees[key] = build_tree(self.scene, request)
+            self._trees[key] = build_tree(self.scene, request, tell)
         return self._trees[key]
 
     def _plan(self, label: str, size: Size) -> Plan:

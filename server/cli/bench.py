@@ -18,7 +18,9 @@ from server.cli.common import SOME_FAILED, make_console
 from server.cli.options import CameraOption, OptionError, SahOption, SceneArgument, SizeOption
 
 if TYPE_CHECKING:
-    from renderer.bench import Result, RunSlice
+    from collections.abc import Callable
+
+    from renderer.bench import Result
     from renderer.child import ChildError
     from renderer.request import Check, Request
     from server.cli.plan import Here
@@ -131,8 +133,8 @@ def _warn_slow(here: Here, as_json: bool) -> None:
         print(json.dumps({"warning": warning}) if as_json else f"Warning: {warning}", file=sys.stderr)
 
 
-def _slices_on(device: str | None, via: str) -> RunSlice:
-    """What measures a slice: the twin here, or a phone; raise PlanError before any work for one that cannot be."""
+def _slices_on(device: str | None, via: str) -> Callable[..., Result]:
+    """What measures a slice and takes a `note`: the twin here, or a phone. Raise PlanError for one that cannot be."""
     if device is None:
         from renderer.bench import run_slice
 
@@ -144,7 +146,7 @@ def _slices_on(device: str | None, via: str) -> RunSlice:
     return partial(run_phone_slice, device, via)
 
 
-def _run(here: Here, run: RunSlice, *, quiet: bool) -> list[Result | ChildError]:
+def _run(here: Here, run: Callable[..., Result], *, quiet: bool) -> list[Result | ChildError]:
     from renderer.bench import run_jobs
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("slices"))
@@ -152,12 +154,17 @@ def _run(here: Here, run: RunSlice, *, quiet: bool) -> list[Result | ChildError]
         total = sum(request.rounds for request in here.requests)
         task = progress.add_task("", total=total)
         begun = iter(range(total))
+        named = ""
 
         def show(request: Request, round_index: int) -> None:
-            text = f"{request.variant.label}, round {round_index + 1} of {request.rounds}"
-            progress.update(task, description=text, completed=next(begun))
+            nonlocal named
+            named = f"{request.variant.label}, round {round_index + 1} of {request.rounds}"
+            progress.update(task, description=named, completed=next(begun))
 
-        results = run_jobs(here.requests, show, run)
+        def hear(text: str) -> None:
+            progress.update(task, description=f"{named}, {text}")
+
+        results = run_jobs(here.requests, show, partial(run, note=hear))
         progress.update(task, description="measured", completed=total)
         return results
 

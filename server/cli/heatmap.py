@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.status import Status
 
 from renderer.variant import Variant
 from server.cli.axis_options import with_axes
@@ -82,13 +84,18 @@ def _count(here: Here, metric: str, *, quiet: bool) -> list[Counts]:
     maps = []
     with Console(stderr=True, quiet=quiet).status("") as status:
         for request in here.requests:
-            status.update(request.variant.label)
+            label = request.variant.label
+            status.update(label)
             try:
-                maps.append(count(request, metric))
+                maps.append(count(request, metric, note=partial(_show_note, status, label)))
             except ChildError as error:
-                typer.echo(f"{request.variant.label} failed: {error}", err=True)
+                typer.echo(f"{label} failed: {error}", err=True)
                 raise typer.Exit(SOME_FAILED) from error
     return maps
+
+
+def _show_note(status: Status, label: str, text: str) -> None:
+    status.update(f"{label}, {text}")
 
 
 def _show(here: Here, maps: Sequence[Counts], metric: str, top: int | None, path: Path, as_json: bool) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import typer
 from rich.console import Console
 
+from renderer.answering import Say
 from renderer.bench import run_jobs, run_slice
 from renderer.child import ChildError
 from renderer.request import Request, parse_size
@@ -83,15 +84,22 @@ def measure(
     with slices_bar(console) as progress:
         task = progress.add_task("", total=total, left="")
 
+        named = ""
+
         def begin(request: Request, round_index: int) -> None:
-            progress.update(task, description=f"{request.scene}, {request.variant.label}, round {round_index + 1}")
+            nonlocal named
+            named = f"{request.scene}, {request.variant.label}, round {round_index + 1}"
+            progress.update(task, description=named)
+
+        def hear(text: str) -> None:
+            progress.update(task, description=f"{named}, {text}")
 
         def advance(slices: int) -> None:
             progress.update(task, advance=slices, left=write_left(pace.seconds_left()) or "")
 
         def run(request: Request, round_index: int) -> Json:
             try:
-                kept = journal.take(request, round_index) or _measured(journal, request, round_index, pictures)
+                kept = journal.take(request, round_index) or _measured(journal, request, round_index, pictures, hear)
             except ChildError:
                 advance(pace.failed(request, round_index))
                 raise
@@ -102,9 +110,9 @@ def measure(
         return run_jobs(requests, begin, run)
 
 
-def _measured(journal: Journal, request: Request, round_index: int, pictures: Path | None) -> Kept:
+def _measured(journal: Journal, request: Request, round_index: int, pictures: Path | None, note: Say) -> Kept:
     begun = time.monotonic()
-    measurement = run_slice(request, round_index, pictures=pictures)
+    measurement = run_slice(request, round_index, pictures=pictures, note=note)
     kept = Kept(time.monotonic() - begun, measurement)
     journal.keep(request, round_index, kept)
     return kept

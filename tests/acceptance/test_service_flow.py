@@ -6,11 +6,15 @@ import csv
 import io
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
-from service_fakes import SPEEDS, Service, running_service
+from service_fakes import SPEEDS, Service, running_service, wait_for
 
+from renderer.child import AsyncSay
 from renderer.variant import AXES
+from server.settings import Settings
+from server.slices import SliceRunner
 
 PAPER = ["bvh-parent-link", "bvh-restart-trail", "kd-push-down", "kd-backtrack"]
 
@@ -34,6 +38,27 @@ def test_a_job_runs_and_carries_its_result(service: Service) -> None:
     assert done["request"]["size"] == [64, 32]
     assert done["result"]["mrays_per_s"] == pytest.approx(SPEEDS["kd-backtrack"])
     assert done["result"]["size"] == [64, 32]
+
+
+def test_how_far_a_long_build_is_stands_in_the_job_s_history(
+    service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def child(_module: str, _task: Any, _threads: int, _limit_s: float, say: AsyncSay, **more: Any) -> Any:
+        await say("preparing")
+        await more["note"]("building a BVH (sbvh) over 1,087,716 triangles: 40 %")
+        return {"round": 0, "speed": 1.0}
+
+    monkeypatch.setattr("server.slices.run_child_async", child)
+    runner = SliceRunner(service.database, Settings(blobs=str(tmp_path / "blobs")), lambda: True)
+    job = service.post("jobs", scene="cornell-box", frames=1)
+    with service.working(runner) as worker:
+        wait_for(worker.is_idle)
+    done = service.get(f"jobs/{job['id']}")
+    assert done["state"] == "done"
+    told = [
+        change["state"] for change in done["changes"] if "over 1,087,716 triangles: 40 %" in (change["reason"] or "")
+    ]
+    assert told == ["preparing"]
 
 
 def test_a_studys_slices_are_interleaved_in_rounds(service: Service) -> None:

@@ -13,6 +13,7 @@ import pytest
 from rich.console import Console
 from test_bench import measurement
 
+from renderer.answering import Say, silent
 from renderer.child import ChildError
 from renderer.request import Request
 from renderer.variant import Variant
@@ -41,7 +42,9 @@ class Slices:
         self.ran: list[tuple[str, str, int]] = []
         self.interrupt_at, self.failing = interrupt_at, failing
 
-    def __call__(self, request: Request, round_index: int, *, pictures: Path | None = None) -> dict[str, Any]:
+    def __call__(
+        self, request: Request, round_index: int, *, pictures: Path | None = None, note: Say = silent
+    ) -> dict[str, Any]:
         if len(self.ran) == self.interrupt_at:
             raise KeyboardInterrupt
         self.ran.append((request.scene, request.variant.traversal, round_index))
