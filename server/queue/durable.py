@@ -83,6 +83,11 @@ class Durable:
         found = self._client.list_workflows(status="PENDING", executor_id=worker, load_input=False, load_output=False)
         return [(status.workflow_id, status.queue_name) for status in found]
 
+    def takers(self) -> set[str]:
+        """The workers that took what is unfinished."""
+        found = self._client.list_workflows(status="PENDING", load_input=False, load_output=False)
+        return {status.executor_id for status in found if status.executor_id is not None}
+
     def forget_before(self, time: datetime, most: int = 1000) -> int:
         """Delete the records of at most `most` workflows that were over before a time; return how many."""
         over = self._client.list_workflows(

@@ -2,7 +2,7 @@
 
 A worker is dead when it has given no sign of life for the lease, as `watch` times it, or at once when its process on
 this machine is gone. It is given up by one of the living, in one update of its row; from then on it must end, whatever
-it was doing.
+it was doing. One that was frozen may take more before it learns of that: whatever the given-up hold is handed on again.
 """
 
 from __future__ import annotations
@@ -63,17 +63,21 @@ def reap_dead(database: Database, durable: Durable, watch: Watch) -> int:
         unfinished = session.scalars(
             select(Worker.id).where(Worker.reaped_at < tried, Worker.handed_on_at.is_(None))
         ).all()
+        holding = select(Slice.worker).where(Slice.state.in_(HELD))
+        takers = Worker.id.in_(holding) | Worker.id.in_(durable.takers())
+        woken = session.scalars(select(Worker.id).where(Worker.handed_on_at.is_not(None), takers)).all()
     silent = watch.silent([(worker, beat_at) for worker, beat_at in known])
     dead = [worker for worker, _ in known if worker in silent or is_dead_here(worker)]
-    return sum(reap(database, durable, worker, "Its worker was lost.") for worker in [*dead, *unfinished])
+    return sum(reap(database, durable, worker, "Its worker was lost.") for worker in [*dead, *unfinished, *woken])
 
 
 def reap(database: Database, durable: Durable, worker: str, reason: str) -> bool:
     """Give one worker up and hand on what it held; False when somebody else does."""
     tried = now() - timedelta(seconds=HANDING_ON_S)
     with database.writing() as session:
-        mine = update(Worker).where(Worker.id == worker, or_(Worker.reaped_at.is_(None), Worker.reaped_at < tried))
-        if cast(CursorResult[Any], session.execute(mine.values(reaped_at=now()))).rowcount == 0:
+        nobodys = or_(Worker.reaped_at.is_(None), Worker.handed_on_at.is_not(None), Worker.reaped_at < tried)
+        mine = update(Worker).where(Worker.id == worker, nobodys)
+        if cast(CursorResult[Any], session.execute(mine.values(reaped_at=now(), handed_on_at=None))).rowcount == 0:
             return False
         held = session.scalars(select(Slice.id).where(Slice.worker == worker, Slice.state.in_(HELD))).all()
         void = lose(session, held, worker, reason)

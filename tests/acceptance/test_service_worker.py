@@ -154,6 +154,54 @@ def test_a_frozen_worker_loses_its_slice_and_cannot_record(
     assert service.bench.order == [("cornell-box", "bvh-stack", 0)]
 
 
+def test_what_a_given_up_worker_takes_is_handed_on_when_it_ends(service: Service) -> None:
+    """One that was frozen and wakes up takes what is queued before it learns that it was given up."""
+    measuring = threading.Event()
+
+    async def hang(_held: Claim, _say: AsyncSay) -> dict[str, Any]:
+        measuring.set()
+        await asyncio.sleep(60)
+        raise AssertionError("not reached")
+
+    with service.working(hang) as worker:
+        assert lives.reap(service.database, service.durable, worker.name, "Its worker was lost.")
+        job = service.post("jobs", scene="cornell-box", frames=1)
+        wait_for(measuring.is_set)
+    service.work()
+    assert service.get(f"jobs/{job['id']}")["state"] == "done"
+
+
+@pytest.mark.parametrize("claimed", [True, False])
+def test_what_a_given_up_worker_took_is_handed_on_when_it_is_killed(
+    service: Service, monkeypatch: pytest.MonkeyPatch, claimed: bool
+) -> None:
+    taken, go = threading.Event(), threading.Event()
+    with service.working() as worker:
+        read = worker._queue._sys_db.get_workflow_statuses
+
+        def late(workflows: list[str]) -> Any:
+            taken.set()
+            go.wait(20)
+            return read(workflows)
+
+        monkeypatch.setattr(worker._queue._sys_db, "get_workflow_statuses", late)
+        assert lives.reap(service.database, service.durable, worker.name, "Its worker was lost.")
+        assert lives.reap_dead(service.database, service.durable, Watch(60)) == 0
+        job = service.post("jobs", scene="cornell-box", frames=1)
+        assert taken.wait(10)
+        if claimed:
+            with service.database.reading() as session:
+                part = session.scalars(select(Slice)).one()
+            assert part.workflow is not None
+            assert ledger.claim(service.database, part.id, part.workflow, worker.name) is not None
+        assert lives.reap_dead(service.database, service.durable, Watch(60)) == 1
+        assert lives.reap_dead(service.database, service.durable, Watch(60)) == 0
+        assert service.get(f"jobs/{job['id']}")["state"] == "queued"
+        go.set()
+    service.work()
+    assert service.get(f"jobs/{job['id']}")["state"] == "done"
+
+
 @pytest.mark.parametrize("days", [3, -3])
 def test_a_clock_that_is_set_takes_no_worker_for_dead(
     service: Service, monkeypatch: pytest.MonkeyPatch, days: int
