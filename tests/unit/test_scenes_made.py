@@ -62,8 +62,9 @@ def test_statue_scene_stands_inside_the_box(count: int) -> None:
     assert (figure.max(axis=0) < [1.0, 1.6, 0.99]).all()
 
 
-def test_the_plain_statue_has_the_listed_count() -> None:
-    assert len(load("cornell-statue").faces) == catalogue.find("cornell-statue").triangles
+@pytest.mark.parametrize("name", [one.name for one in MADE])
+def test_a_made_scene_has_the_listed_count(name: str) -> None:
+    assert len(load(name).faces) == catalogue.find(name).triangles
 
 
 def test_smooth_normals_of_a_sphere_point_outwards() -> None:
