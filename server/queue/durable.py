@@ -138,5 +138,6 @@ def stop_taking(queue: DBOS) -> None:
     for event in queue.background_thread_stop_events:
         event.set()
     for thread in threading.enumerate():
-        if thread.name.startswith("queue-worker-"):
+        # One that is only about to start looks at the event first.
+        if thread.name.startswith("queue-worker-") and thread.is_alive():
             thread.join(STOP_S)

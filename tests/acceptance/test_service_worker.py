@@ -138,6 +138,13 @@ def test_what_is_taken_while_a_worker_stops_is_measured_by_the_next(
     assert service.get(f"jobs/{job['id']}")["state"] == "done"
 
 
+def test_a_worker_may_stop_while_its_threads_start(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    starting, known = threading.Thread(name="queue-worker-late"), threading.enumerate
+    with service.working():
+        monkeypatch.setattr(threading, "enumerate", lambda: [*known(), starting])
+    service.work()
+
+
 def test_a_frozen_worker_loses_its_slice_and_cannot_record(
     service: Service, hanging_worker: Callable[[], subprocess.Popen[bytes]]
 ) -> None:
