@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from renderer.child import AsyncSay, run_child_async
@@ -18,6 +19,7 @@ from server.recommendations import asked_of
 from server.settings import Settings
 from server.store.blobs import Blobs
 from server.store.database import Database
+from server.store.errors import AWAY
 from server.store.models import Device, Json
 
 AGENT_SHARE = 0.8
@@ -93,10 +95,11 @@ class SliceRunner:
         )
 
     def _noting(self, held: Claim) -> AsyncSay:
-        """What a child notes goes into its job's history."""
+        """What a child notes goes into its job's history, or nowhere while the database is away."""
 
         async def note(text: str) -> None:
-            await asyncio.to_thread(ledger.note, self.database, held, text)
+            with suppress(*AWAY):
+                await asyncio.to_thread(ledger.note, self.database, held, text)
 
         return note
 

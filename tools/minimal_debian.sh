@@ -25,8 +25,12 @@ if [ -n "${FOLDER:-}" ]; then
     root=$(realpath -m "$FOLDER")
 else
     root=$(mktemp -d "${TMPDIR:-/tmp}/rayfarm-debian-XXXXXX")
-    trap 'rm -rf --one-file-system "$root"' EXIT
+    trap 'rm -rf --one-file-system "$root" "$root.lock"' EXIT
 fi
+
+# Whatever a run leaves behind holds its lock, too: two would take the checkout from under each other.
+exec 9>"$root.lock"
+flock -n 9 || { echo "Another run is in $root: wait for its end, or name another FOLDER." >&2; exit 1; }
 
 # Nothing of this machine's environment holds in there, as TMPDIR, whose folder is not there.
 clean="env -i HOME=/root LANG=C.UTF-8 PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
