@@ -365,7 +365,10 @@ def test_without_scripts_both_stand_side_by_side(service: Service, tmp_path: Pat
 
 
 def _open(chrome: Chrome, service: Service, address: str) -> None:
+    """Open a page and wait for its pictures: on a busy machine the driver may be back before them."""
     chrome.get(f"{service.client.base_url}{address}")
+    whole = "return document.readyState === 'complete' && [...document.images].every(image => image.complete)"
+    WebDriverWait(chrome, 30).until(lambda page: page.execute_script(whole))
 
 
 def _images(chrome: Chrome) -> list[Any]:
