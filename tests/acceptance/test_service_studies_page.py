@@ -196,8 +196,8 @@ def test_pages_fit_a_narrow_screen_and_name_their_controls(page: Chrome, service
     )
     try:
         page.get(f"{address(service)}/{path}")
-        width, inner = page.execute_script("return [document.documentElement.scrollWidth, innerWidth]")
-        assert width <= inner
+        fits = "return document.documentElement.scrollWidth <= innerWidth"
+        WebDriverWait(page, 10).until(lambda shown: shown.execute_script(fits), "the page is wider than the screen")
         nameless = "return [...document.querySelectorAll('main input, main select, main button, main progress')]"
         nameless += ".filter(e => !e.labels?.length && !e.textContent.trim() && !e.ariaLabel).length"
         assert page.execute_script(nameless) == 0
