@@ -21,6 +21,7 @@ from sqlalchemy import select, update
 from renderer.child import AsyncSay, ChildError
 from renderer.host import DeviceGoneError
 from renderer.request import Request
+from server import worker as service_worker
 from server.cli.service import GIVEN_UP
 from server.devices import registry
 from server.devices.registry import PHONE
@@ -120,16 +121,8 @@ def test_a_stopped_worker_hands_its_slice_back_at_once(
 def test_what_is_taken_while_a_worker_stops_is_measured_by_the_next(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    taken, go = threading.Event(), threading.Event()
     with service.working() as worker:
-        read = worker._queue._sys_db.get_workflow_statuses
-
-        def slowly(workflows: list[str]) -> Any:
-            taken.set()
-            go.wait(10)
-            return read(workflows)
-
-        monkeypatch.setattr(worker._queue._sys_db, "get_workflow_statuses", slowly)
+        taken, go = hold_up(worker, monkeypatch)
         job = service.post("jobs", scene="cornell-box", frames=1)
         assert taken.wait(10)
         threading.Timer(0.5, go.set).start()
@@ -182,16 +175,8 @@ def test_what_a_given_up_worker_takes_is_handed_on_when_it_ends(service: Service
 def test_what_a_given_up_worker_took_is_handed_on_when_it_is_killed(
     service: Service, monkeypatch: pytest.MonkeyPatch, claimed: bool
 ) -> None:
-    taken, go = threading.Event(), threading.Event()
     with service.working() as worker:
-        read = worker._queue._sys_db.get_workflow_statuses
-
-        def late(workflows: list[str]) -> Any:
-            taken.set()
-            go.wait(20)
-            return read(workflows)
-
-        monkeypatch.setattr(worker._queue._sys_db, "get_workflow_statuses", late)
+        taken, go = hold_up(worker, monkeypatch)
         assert lives.reap(service.database, service.durable, worker.name, "Its worker was lost.")
         assert lives.reap_dead(service.database, service.durable, Watch(60)) == 0
         job = service.post("jobs", scene="cornell-box", frames=1)
@@ -205,7 +190,7 @@ def test_what_a_given_up_worker_took_is_handed_on_when_it_is_killed(
         lives.reap_dead(service.database, service.durable, Watch(60))
         wait_for(lambda: service.durable.held_by(worker.name) == [])
         wait_for(lambda: service.get(f"jobs/{job['id']}")["state"] == "queued")
-        assert lives.reap_dead(service.database, service.durable, Watch(60)) == 0
+        wait_for(lambda: lives.reap_dead(service.database, service.durable, Watch(60)) == 0)
         go.set()
     service.work()
     assert service.get(f"jobs/{job['id']}")["state"] == "done"
@@ -421,6 +406,20 @@ def test_what_is_over_is_forgotten_by_the_queue_but_not_by_the_store(
     assert service.get(f"jobs/{done['id']}")["state"] == "done"
     service.work()
     assert service.get(f"jobs/{queued['id']}")["state"] == "done"
+
+
+def hold_up(worker: service_worker.Worker, monkeypatch: pytest.MonkeyPatch) -> tuple[threading.Event, threading.Event]:
+    """What the worker takes from the queue it begins late: when it took something, and what lets it go on."""
+    taken, go = threading.Event(), threading.Event()
+    read = worker._queue._sys_db.get_workflow_statuses
+
+    def late(workflows: list[str]) -> Any:
+        taken.set()
+        go.wait(20)
+        return read(workflows)
+
+    monkeypatch.setattr(worker._queue._sys_db, "get_workflow_statuses", late)
+    return taken, go
 
 
 def take(service: Service, worker: str) -> Claim | None:
