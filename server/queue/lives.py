@@ -57,6 +57,7 @@ def end(database: Database, durable: Durable, worker: str) -> None:
 
 def reap_dead(database: Database, durable: Durable, watch: Watch) -> int:
     """Hand on the work of dead workers; return how many were given up."""
+    takers = durable.takers()
     with database.reading() as session:
         known = session.execute(select(Worker.id, Worker.beat_at).where(Worker.reaped_at.is_(None))).all()
         tried = now() - timedelta(seconds=HANDING_ON_S)
@@ -64,8 +65,8 @@ def reap_dead(database: Database, durable: Durable, watch: Watch) -> int:
             select(Worker.id).where(Worker.reaped_at < tried, Worker.handed_on_at.is_(None))
         ).all()
         holding = select(Slice.worker).where(Slice.state.in_(HELD))
-        takers = Worker.id.in_(holding) | Worker.id.in_(durable.takers())
-        woken = session.scalars(select(Worker.id).where(Worker.handed_on_at.is_not(None), takers)).all()
+        busy = Worker.id.in_(holding) | Worker.id.in_(takers)
+        woken = session.scalars(select(Worker.id).where(Worker.handed_on_at.is_not(None), busy)).all()
     silent = watch.silent([(worker, beat_at) for worker, beat_at in known])
     dead = [worker for worker, _ in known if worker in silent or is_dead_here(worker)]
     return sum(reap(database, durable, worker, "Its worker was lost.") for worker in [*dead, *unfinished, *woken])
