@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 from typing import Annotated
 
@@ -37,6 +38,9 @@ def serve(
     logs.start(chosen.log_level, chosen.log)
     sock = listen(chosen.host if host is None else host, chosen.port if port is None else port)
     with running(chosen, sock, with_worker):
+        # All that is there by now stays: each full collection would stop every request to walk through it.
+        gc.collect()
+        gc.freeze()
         if as_json:
             print_json({"address": address(sock)})
         else:
