@@ -114,6 +114,11 @@ def _offset_parts(variant: Variant) -> list[str]:
     return [*([room] if variant.offset == "bounded" else []), f"offset_{variant.offset}.glsl"]
 
 
+def _in_cells(variant: Variant) -> bool:
+    """Whether boxes are tested in cells of their grid; 16 bits of them are too many for `mediump`."""
+    return (variant.nodes, variant.box, variant.precision) == ("grid16", "widened", "highp")
+
+
 def _defines(form: Form) -> dict[str, int]:
     defines = {
         "INSTRUMENT": int(form.instrument),
@@ -122,6 +127,7 @@ def _defines(form: Form) -> dict[str, int]:
         "NORMALS": int(form.normals),
         "SHADE": int(form.shade),
         "SLAB_GROWN": int(form.variant.intersector == "watertight"),
+        "BOX_CELLS": int(_in_cells(form.variant)),
     }
     match TRAVERSALS[form.variant.traversal].state:
         case "stack":

@@ -22,6 +22,6 @@ void begin_ray(vec3 origin, vec3 direction, float reach) {
     counted_words = 0u;
 #endif
     slab_prepare();
-    box_prepare();
     intersector_prepare();
+    box_prepare();
 }

@@ -19,6 +19,11 @@ uint packet_octant[PACKET];
 vec3 packet_above[PACKET];
 vec3 packet_below[PACKET];
 #endif
+#if BOX_CELLS
+vec3 packet_box_above[PACKET];
+vec3 packet_box_below[PACKET];
+vec3 packet_box_inverse[PACKET];
+#endif
 #if INSTRUMENT
 uvec4 packet_counted[PACKET];
 uint packet_words[PACKET];
@@ -45,6 +50,11 @@ void packet_keep(int k, bool real) {
     packet_above[k] = slab_above;
     packet_below[k] = slab_below;
 #endif
+#if BOX_CELLS
+    packet_box_above[k] = box_above;
+    packet_box_below[k] = box_below;
+    packet_box_inverse[k] = box_inverse;
+#endif
 #if INSTRUMENT
     packet_counted[k] = uvec4(0u);
     packet_words[k] = 0u;
@@ -64,7 +74,13 @@ void packet_aim(int k) {
     slab_above = packet_above[k];
     slab_below = packet_below[k];
 #endif
+#if BOX_CELLS
+    box_above = packet_box_above[k];
+    box_below = packet_box_below[k];
+    box_inverse = packet_box_inverse[k];
+#else
     box_prepare();
+#endif
 }
 
 // Ray k whole: with its hit, and what the intersector prepares.

@@ -2,6 +2,22 @@
 // extremes of their origins and inverse directions. Rounding keeps order, so no ray enters a box before the interval does
 // or leaves after it: what the interval misses, all rays miss. Where rays start far apart it enters too much, so after some
 // visits each ray is asked again, as it is where rays are not alike.
+// What the box test sees of each ray.
+#if BOX_CELLS
+#define INTERVAL_ABOVE packet_box_above
+#define INTERVAL_BELOW packet_box_below
+#define INTERVAL_INVERSE packet_box_inverse
+#else
+#define INTERVAL_INVERSE packet_inverse
+#if SLAB_GROWN
+#define INTERVAL_ABOVE packet_above
+#define INTERVAL_BELOW packet_below
+#else
+#define INTERVAL_ABOVE packet_slab_origin
+#define INTERVAL_BELOW packet_slab_origin
+#endif
+#endif
+
 const float FARTHEST_FACE = 3.4028235e38;
 const int INTERVAL_VISITS = 256;
 
@@ -28,20 +44,15 @@ void interval_bound() {
             some |= packet_octant[k];
             every &= packet_octant[k];
             still = still || packet_stay[k] != vec3(0.0);
-#if SLAB_GROWN
             slab_octant = packet_octant[k];
-            vec3 near = mix(packet_above[k], packet_below[k], slab_backward());
-            vec3 far = mix(packet_below[k], packet_above[k], slab_backward());
-#else
-            vec3 near = packet_slab_origin[k];
-            vec3 far = packet_slab_origin[k];
-#endif
+            vec3 near = mix(INTERVAL_ABOVE[k], INTERVAL_BELOW[k], slab_backward());
+            vec3 far = mix(INTERVAL_BELOW[k], INTERVAL_ABOVE[k], slab_backward());
             least_near = min(least_near, near);
             most_near = max(most_near, near);
             least_far = min(least_far, far);
             most_far = max(most_far, far);
-            interval_least = min(interval_least, packet_inverse[k]);
-            interval_most = max(interval_most, packet_inverse[k]);
+            interval_least = min(interval_least, INTERVAL_INVERSE[k]);
+            interval_most = max(interval_most, INTERVAL_INVERSE[k]);
         }
     }
     interval_alike = some == every && !still;

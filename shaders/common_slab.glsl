@@ -92,6 +92,8 @@ ivec3 slab_far_t(vec3 face) {
     return floatBitsToInt(t);
 }
 #else
+#define slab_above slab_origin
+#define slab_below slab_origin
 #define slab_lower_t slab_t
 #define slab_upper_t slab_t
 #define slab_near_t slab_t

@@ -140,6 +140,7 @@ def glsl(name: str, node_format: str = "f32", grid: Grid | None = None, fetch: s
     """The GLSL that declares the node buffer of a layout and reads its chunks and fields, fetched as `fetch` says.
 
     A grid that is given is written into the text; else it is read from uniforms, which Mesa loads again in every step.
+    Faces of `grid16` are given as the box test takes them (BOX_CELLS): in cells, or as points of the scene.
     Every read is noted for `shaders/common_reads.glsl`, which comes before it; a chunk counts as read whole.
     """
     layout = NODE_LAYOUTS[name][node_format]
@@ -195,10 +196,14 @@ def _tail_readers(layout: NodeLayout) -> list[str]:
 
 _BOXES = {
     "grid16": (
-        "vec3 grid_point(uvec3 cells) { PRECISE vec3 p = grid_origin + vec3(cells) * grid_cell; return p; }",
+        "#if BOX_CELLS",
+        "vec3 grid_face(uvec3 cells) { return vec3(cells); }",
+        "#else",
+        "vec3 grid_face(uvec3 cells) { PRECISE vec3 p = grid_origin + vec3(cells) * grid_cell; return p; }",
+        "#endif",
         "void node_box(uvec4 c, out vec3 lower, out vec3 upper) {",
-        "    lower = grid_point(c.xyz & 0xffffu);",
-        "    upper = grid_point(c.xyz >> 16);",
+        "    lower = grid_face(c.xyz & 0xffffu);",
+        "    upper = grid_face(c.xyz >> 16);",
         "}",
     ),
     "half": (

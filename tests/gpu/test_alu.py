@@ -195,9 +195,9 @@ def _steps_are_met(flow: Flow, marks: Mapping[Site, Mark], value: float) -> None
 def test_a_box_test_and_a_ray_have_the_operations_counted_by_hand() -> None:
     ready, plan, records = _modelled("cornell-box", Variant("bvh-stack"), (64, 64), "both")
     calls = alu_model(plan, ready, records).per_call
-    # Four times a difference and a product of three, smaller and larger corner, their largest and smallest and the
+    # Twice a difference and a product of three, smaller and larger corner, their largest and smallest and the
     # stay of three, then the nearer of two, a product and a comparison.
-    assert calls["box_hit"] == pytest.approx(4 * 6 + 3 + 3 + 3 + (3 + 2) + 1 + 1 + 1)
+    assert calls["box_hit"] == pytest.approx(2 * 6 + 3 + 3 + 3 + (3 + 2) + 1 + 1 + 1)
     # Reciprocals and what stands still of three, the origin by a factor, and three bits of the octant.
     assert calls["slab_prepare"] == pytest.approx((3 + 3 + 6 + 3) + 3 + (3 + 3 + 3) + (3 + 3 + 3 + 2))
 

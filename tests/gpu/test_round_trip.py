@@ -113,7 +113,7 @@ def shader(defines: dict[str, int], parts: list[str], binding: int, statements: 
         *(f"    {statement}" for statement in statements),
         "}",
     ]
-    return flatten({"READS": 0, **defines}, ["common_reads.glsl", *parts, "\n".join(lines) + "\n"])
+    return flatten({"READS": 0, "BOX_CELLS": 0, **defines}, ["common_reads.glsl", *parts, "\n".join(lines) + "\n"])
 
 
 def bits(values: npt.NDArray[np.generic]) -> Words:
