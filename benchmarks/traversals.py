@@ -40,8 +40,9 @@ HEAD = (
 )
 SUMMARY = (
     "| scene | rays | best of | variant | to embreex | to bvh-stack, fragment | compute "
-    "| to the paper's best, fragment | compute | however it is fetched, fragment | compute |"
-    "\n|---|---|---|---|---|---|---|---|---|---|---|"
+    "| to the paper's best, fragment | compute | in 16-bit boxes too, fragment | compute "
+    "| and however it is fetched, fragment | compute |"
+    "\n|---|---|---|---|---|---|---|---|---|---|---|---|---|"
 )
 Times = dict[str, list[float]]
 
@@ -142,11 +143,12 @@ def is_base(method: str) -> Callable[[Variant], bool]:
     return lambda variant: variant == Variant("bvh-stack", method, variant.layout)
 
 
-def is_paper(method: str, fetch: Sequence[str]) -> Callable[[Variant], bool]:
-    """Whether a variant is one of the paper's over trees as the paper builds them, fetched in one of these ways."""
+def is_paper(method: str, nodes: Sequence[str], fetch: Sequence[str]) -> Callable[[Variant], bool]:
+    """Whether a variant is one of the paper's over trees as the paper builds them, in these formats, fetched so."""
 
     def matches(one: Variant) -> bool:
-        return TRAVERSALS[one.traversal].paper and (one.method, one.builder) == (method, "sah") and one.fetch in fetch
+        walks = TRAVERSALS[one.traversal].paper and one.nodes in nodes and one.fetch in fetch
+        return walks and (one.method, one.builder) == (method, "sah")
 
     return matches
 
@@ -179,7 +181,7 @@ def table(found: Measured, size: tuple[int, int], labels: Iterable[str]) -> str:
         wrong = "–" if isinstance(judged, str) else f"{judged.wrong:.1e}"
         edge = "–" if errors is None or errors.edge is None else f"{errors.edge:.1e}"
         stack = found.times[fastest(found, is_base(variant.method))]
-        paper = found.times[fastest(found, is_paper(variant.method, PAPER["fetch"]))]
+        paper = found.times[fastest(found, is_paper(variant.method, AXES["nodes"], PAPER["fetch"]))]
         beside = [spread(ratios(base, times)) for base in (found.embree, stack, paper)]
         cells = [label, f"{found.rays / median(times) / 1e6:.2f}", *beside, f"{found.memory[label] / 1e6:.2f}"]
         lines.append("| " + " | ".join([*cells, wrong, edge]) + " |")
@@ -188,7 +190,10 @@ def table(found: Measured, size: tuple[int, int], labels: Iterable[str]) -> str:
 
 def summary(found: Measured, methods: Iterable[str]) -> list[str]:
     """The best without packets, and the best of all; beside the reference and the paper's best of each method."""
-    bases = (is_base, partial(is_paper, fetch=PAPER["fetch"]), partial(is_paper, fetch=AXES["fetch"]))
+    as_published = partial(is_paper, nodes=PAPER["nodes"], fetch=PAPER["fetch"])
+    smaller = partial(is_paper, nodes=AXES["nodes"], fetch=PAPER["fetch"])
+    fetched = partial(is_paper, nodes=AXES["nodes"], fetch=AXES["fetch"])
+    bases = (is_base, as_published, smaller, fetched)
     rows = []
     for kind, which_of in (("single rays", _is_single), ("packets", _is_packet)):
         best = fastest(found, which_of)
