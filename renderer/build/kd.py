@@ -12,7 +12,7 @@ from renderer.build.grow import resized, resized_columns
 from renderer.build.kd_anew import clip_straddlers, nothing_anew
 from renderer.build.kd_clip import Shapes, unclipped
 from renderer.build.kd_events import TRIANGLES, Lists, Spans, classify, root_lists, split_lists, with_room
-from renderer.build.kd_nodes import Nodes, Part, Waiting, joined, nodes_resized, one_node, with_children
+from renderer.build.kd_nodes import Nodes, Part, Waiting, cells_of, halve, joined, nodes_resized, room_for_nodes
 from renderer.build.kd_plane import best_plane
 from renderer.build.kd_small import FEW, finish, room_for_cells
 from renderer.build.pad import around
@@ -26,6 +26,10 @@ Words = npt.NDArray[np.uint32]
 
 TASK = 1 << 14
 """Cells of at most so many triangles are a task of their own."""
+
+
+NODES_EACH, REFS_EACH = 8, 10
+"""Room for nodes, and for leaves' entries, a triangle; more is made where that is too little."""
 
 
 class Rules(NamedTuple):
@@ -54,30 +58,31 @@ def build_kd(
     shapes = shapes or unclipped(boxes)
     deepest = min(max_depth, MAX_DEPTH)
     lists, spans = root_lists(boxes, deepest + 2)
-    root = one_node(*around(boxes), len(boxes))
+    root = np.stack(around(boxes))
     rules = Rules(deepest, costs.traversal, costs.intersection, TASK)
     first = _split_all(lists, spans, root, np.arange(len(boxes), dtype=np.int32), shapes, 0, rules)
     tasks = [
         partial(_waiting_part, first, cell, shapes, rules._replace(stop=0)) for cell in range(len(first.waiting.cells))
     ]
     nodes, refs = joined(first, each(tasks, within(told, TOP_SHARE, 1.0)))
-    cost = sah_cost(nodes.lower, nodes.upper, nodes.axis == KD_LEAF, nodes.size, costs.traversal, costs.intersection)
+    lower, upper, parent = cells_of(nodes, root)
+    cost = sah_cost(lower, upper, nodes.axis == KD_LEAF, nodes.size, costs.traversal, costs.intersection)
     return Kd(
-        lower=nodes.lower,
-        upper=nodes.upper,
+        lower=lower,
+        upper=upper,
         split=nodes.split,
         axis=nodes.axis,
         child=nodes.child,
         count=nodes.size,
-        parent=nodes.parent,
+        parent=parent,
         refs=refs,
-        depth=depth_of(nodes.parent),
+        depth=depth_of(parent),
         cost=cost,
     )
 
 
 def _waiting_part(first: Part, cell: int, shapes: Shapes, rules: Rules) -> Part:
-    node, depth = (int(value) for value in first.waiting.cells[cell])
+    depth = int(first.waiting.cells[cell, 1])
     span, kept = first.waiting.spans[cell], first.waiting.lists
     ids = kept.triangle[span[TRIANGLES, 0] : span[TRIANGLES, 1]].copy()
     sizes = span[:, 1] - span[:, 0]
@@ -89,20 +94,23 @@ def _waiting_part(first: Part, cell: int, shapes: Shapes, rules: Rules) -> Part:
         begin, end = span[row]
         pos[row, : end - begin], code[row, : end - begin] = kept.pos[row, begin:end], kept.code[row, begin:end]
     lists = Lists(pos, code, np.arange(len(ids), dtype=np.int32))
-    root = one_node(first.nodes.lower[node], first.nodes.upper[node], 2 * len(ids) + 2)
-    return _split_all(lists, spans, root, ids, shapes, depth, rules)
+    return _split_all(lists, spans, first.waiting.boxes[cell], ids, shapes, depth, rules)
 
 
 @jit
-def _split_all(lists: Lists, spans: Spans, nodes: Nodes, ids: Ints, shapes: Shapes, level: int, rules: Rules) -> Part:
-    """Splits cells depth first, left before right; the lists of the cells that wait lie on one another.
+def _split_all(lists: Lists, spans: Spans, root: Floats, ids: Ints, shapes: Shapes, level: int, rules: Rules) -> Part:
+    """Splits the cell `root` (2, 3) and what becomes of it, depth first, left before right; the lists of the cells that
+    wait lie on one another.
 
     `ids` names the lists' triangles in the scene. At most one cell a level waits beside the two newest, so `spans` has
     two entries more than the levels below `level` that are allowed.
     """
     size = spans[0, TRIANGLES, 1]
-    refs, side, rank = np.empty(2 * size, np.int32), np.zeros(size, np.uint8), np.empty(size, np.uint32)
+    nodes, refs = room_for_nodes(NODES_EACH * size + 2), np.empty(REFS_EACH * size, np.int32)
+    side, rank = np.zeros(size, np.uint8), np.empty(size, np.uint32)
     waiting, depths = np.zeros(len(spans), np.int64), np.zeros(len(spans), np.int64)
+    boxes = np.empty((len(spans), 2, 3), np.float32)
+    boxes[0] = root
     cut_off, anew, small = _none_wait(), nothing_anew(), room_for_cells()
     depths[0] = level
     top, made, filled, cells = 1, 1, 0, 0
@@ -112,7 +120,7 @@ def _split_all(lists: Lists, spans: Spans, nodes: Nodes, ids: Ints, shapes: Shap
         begin, end = span[TRIANGLES, 0], span[TRIANGLES, 1]
         axis, plane, planar_left = KD_LEAF, np.float32(0), True
         if end - begin <= rules.stop and end > begin:
-            cut_off = _wait(cut_off, cells, lists, span, node, depth, ids, rank)
+            cut_off = _wait(cut_off, cells, lists, span, node, depth, boxes[top], ids, rank)
             cells += 1
             nodes.axis[node], nodes.split[node], nodes.child[node], nodes.size[node] = axis, plane, filled, 0
             continue
@@ -123,6 +131,7 @@ def _split_all(lists: Lists, spans: Spans, nodes: Nodes, ids: Ints, shapes: Shap
             nodes, made, refs, filled = finish(
                 shapes.boxes,
                 few,
+                boxes[top],
                 node,
                 depth,
                 nodes,
@@ -141,8 +150,8 @@ def _split_all(lists: Lists, spans: Spans, nodes: Nodes, ids: Ints, shapes: Shap
                 lists.code,
                 span,
                 end - begin,
-                nodes.lower[node],
-                nodes.upper[node],
+                boxes[top, 0],
+                boxes[top, 1],
                 rules.traversal,
                 rules.intersection,
             )
@@ -155,40 +164,42 @@ def _split_all(lists: Lists, spans: Spans, nodes: Nodes, ids: Ints, shapes: Shap
                 refs[filled] = ids[lists.triangle[i]]
                 filled += 1
             continue
-        nodes = with_children(nodes, node, made, axis, plane)
+        if made + 2 > len(nodes.axis):
+            nodes = nodes_resized(nodes, 2 * (made + 2))
+        nodes.child[node], nodes.size[node] = made, 0
         lists = with_room(lists, span)
         classify(lists, span, axis, plane, planar_left, side)
         if len(shapes.triangles) > 0:
             anew = clip_straddlers(
-                lists.triangle[begin:end], side, ids, shapes, nodes.lower[node], nodes.upper[node], axis, plane, anew
+                lists.triangle[begin:end], side, ids, shapes, boxes[top, 0], boxes[top, 1], axis, plane, anew
             )
+        halve(boxes[top], boxes[top], boxes[top + 1], axis, plane)
         split_lists(lists, spans, top, axis, plane, side, anew)
         waiting[top], waiting[top + 1] = made + 1, made
         depths[top], depths[top + 1] = depth + 1, depth + 1
         top += 2
         made += 2
-    kept = Waiting(cut_off.cells[:cells].copy(), cut_off.spans[:cells].copy(), cut_off.lists)
-    return Part(nodes_resized(nodes, made), resized(refs, filled), kept)
+    kept = Waiting(cut_off.cells[:cells], cut_off.boxes[:cells], cut_off.spans[:cells], cut_off.lists)
+    own = Nodes(nodes.split[:made], nodes.axis[:made], nodes.child[:made], nodes.size[:made])
+    return Part(own, refs[:filled], kept)
 
 
 @jit
 def _none_wait() -> Waiting:
     lists = Lists(np.empty((3, 0), np.float32), np.empty((3, 0), np.uint32), np.empty(0, np.int32))
-    return Waiting(np.zeros((0, 2), np.int64), np.zeros((0, 4, 2), np.int64), lists)
+    return Waiting(np.zeros((0, 2), np.int64), np.zeros((0, 2, 3), np.float32), np.zeros((0, 4, 2), np.int64), lists)
 
 
 @jit
 def _with_cell(waiting: Waiting, cells: int, span: Spans) -> Waiting:
     """Room for one more cell with the lists at `span`."""
-    places, spans, kept = waiting.cells, waiting.spans, waiting.lists
+    places, boxes, spans, kept = waiting
     if cells == len(places):
         more = max(64, 2 * cells)
-        wider, longer = np.zeros((more, 2), np.int64), np.zeros((more, 4, 2), np.int64)
-        for cell in range(cells):
-            wider[cell, 0], wider[cell, 1] = places[cell, 0], places[cell, 1]
-            for row in range(4):
-                longer[cell, row, 0], longer[cell, row, 1] = spans[cell, row, 0], spans[cell, row, 1]
-        places, spans = wider, longer
+        wider, larger = np.zeros((more, 2), np.int64), np.zeros((more, 2, 3), np.float32)
+        longer = np.zeros((more, 4, 2), np.int64)
+        wider[:cells], larger[:cells], longer[:cells] = places, boxes, spans
+        places, boxes, spans = wider, larger, longer
     most = 0
     for row in range(3):
         most = max(most, span[row, 1] - span[row, 0] + (spans[cells - 1, row, 1] if cells > 0 else 0))
@@ -198,17 +209,26 @@ def _with_cell(waiting: Waiting, cells: int, span: Spans) -> Waiting:
     most = span[TRIANGLES, 1] - span[TRIANGLES, 0] + (spans[cells - 1, TRIANGLES, 1] if cells > 0 else 0)
     if most > len(triangle):
         triangle = resized(triangle, 2 * most)
-    return Waiting(places, spans, Lists(pos, code, triangle))
+    return Waiting(places, boxes, spans, Lists(pos, code, triangle))
 
 
 @jit
 def _wait(
-    waiting: Waiting, cells: int, lists: Lists, span: Spans, node: int, depth: int, ids: Ints, rank: Words
+    waiting: Waiting,
+    cells: int,
+    lists: Lists,
+    span: Spans,
+    node: int,
+    depth: int,
+    box: Floats,
+    ids: Ints,
+    rank: Words,
 ) -> Waiting:
     """Appends a cell, its triangles named by their rank; what is there must be a multiple of its own size."""
     waiting = _with_cell(waiting, cells, span)
     kept, spans = waiting.lists, waiting.spans
     waiting.cells[cells, 0], waiting.cells[cells, 1] = node, depth
+    waiting.boxes[cells] = box
     for row in range(4):
         spans[cells, row, 0] = spans[cells - 1, row, 1] if cells > 0 else 0
         spans[cells, row, 1] = spans[cells, row, 0] + span[row, 1] - span[row, 0]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.build.grow import resized
-from renderer.build.kd_nodes import Nodes, nodes_resized
+from renderer.build.kd_nodes import Nodes, halve, nodes_resized
 from renderer.build.kd_plane import EMPTY_BONUS
 from renderer.build.tree import KD_LEAF, MAX_DEPTH, Floats, Ints
 from renderer.jit import jit
@@ -22,9 +22,11 @@ FEW = 24
 class Cells(NamedTuple):
     """Room for the cells that wait, one a level: their triangles, `held` of them, and what these have in the cell.
 
-    `low`, `high` (levels, 3, FEW) float32; `triangle` (levels, FEW), `held`, `node`, `depth` (levels,) int32.
+    `box` (levels, 2, 3), `low`, `high` (levels, 3, FEW) float32; `triangle` (levels, FEW), `held`, `node`, `depth`
+    (levels,) int32.
     """
 
+    box: Floats
     low: Floats
     high: Floats
     triangle: Ints
@@ -40,6 +42,7 @@ def room_for_cells() -> Cells:
     boxes, numbers = (levels, 3, FEW), (4, levels)
     made = np.empty(numbers, np.int32)
     return Cells(
+        np.empty((levels, 2, 3), np.float32),
         np.empty(boxes, np.float32),
         np.empty(boxes, np.float32),
         np.empty((levels, FEW), np.int32),
@@ -53,6 +56,7 @@ def room_for_cells() -> Cells:
 def finish(
     boxes: Floats,
     triangles: Ints,
+    cell: Floats,
     root: int,
     level: int,
     nodes: Nodes,
@@ -64,17 +68,19 @@ def finish(
     traversal: float,
     intersection: float,
 ) -> tuple[Nodes, int, Ints, int]:
-    """Splits a cell with its `triangles` until all below it are leaves, left before right.
+    """Splits the `cell` (2, 3) of the node `root`, with its `triangles`, until all below are leaves, left before right.
 
     `boxes` (m, 2, 3) are the whole triangles'. Returns the nodes, how many are made, the leaves' triangles, how many.
     """
-    low, high, triangle, held, node, depth = cells
-    lower, upper, split, axis, child, size, parent = nodes
+    box, low, high, triangle, held, node, depth = cells
+    split, axis, child, size = nodes
     for i in range(len(triangles)):
         triangle[0, i] = triangles[i]
         for k in range(3):
-            low[0, k, i] = max(boxes[triangles[i], 0, k], lower[root, k])
-            high[0, k, i] = min(boxes[triangles[i], 1, k], upper[root, k])
+            low[0, k, i] = max(boxes[triangles[i], 0, k], cell[0, k])
+            high[0, k, i] = min(boxes[triangles[i], 1, k], cell[1, k])
+    for k in range(3):
+        box[0, 0, k], box[0, 1, k] = cell[0, k], cell[1, k]
     held[0], node[0], depth[0], top = len(triangles), root, level, 1
     while top > 0:
         top -= 1
@@ -82,7 +88,7 @@ def finish(
         chosen, plane, flat_left = KD_LEAF, np.float32(0), True
         if here > 0 and deep < max_depth:
             chosen, plane, flat_left = best_plane_counted(
-                low[top], high[top], here, lower[at], upper[at], traversal, intersection
+                low[top], high[top], here, box[top, 0], box[top, 1], traversal, intersection
             )
         axis[at], split[at] = chosen, plane
         if chosen == KD_LEAF:
@@ -95,13 +101,9 @@ def finish(
             continue
         if made + 2 > len(axis):
             nodes = nodes_resized(nodes, 2 * (made + 2))
-            lower, upper, split, axis, child, size, parent = nodes
+            split, axis, child, size = nodes
         child[at], size[at] = made, 0
-        for k in range(3):
-            lower[made, k], lower[made + 1, k] = lower[at, k], lower[at, k]
-            upper[made, k], upper[made + 1, k] = upper[at, k], upper[at, k]
-        upper[made, chosen], lower[made + 1, chosen] = plane, plane
-        parent[made], parent[made + 1] = at, at
+        halve(box[top], box[top], box[top + 1], chosen, plane)
         held[top], held[top + 1] = _divide(low, high, triangle, top, here, chosen, plane, flat_left)
         node[top], node[top + 1], depth[top], depth[top + 1] = made + 1, made, deep + 1, deep + 1
         top += 2
