@@ -69,7 +69,7 @@ def compared(scene: str, options: argparse.Namespace) -> Row:
 
 def _requests(scene: str, options: argparse.Namespace) -> list[Request]:
     walks = [name for name, row in TRAVERSALS.items() if row.structure != "none"]
-    axes = {axis: expand(axis, getattr(options, axis)) for axis in ("method", "layout", "nodes")}
+    axes = {axis: expand(axis, getattr(options, axis)) for axis in ("method", "layout", "nodes", "fetch")}
     variants, _ = matrix({"traversal": walks, **axes}, options.rays)
     return [Request(scene, one, options.size, frames=1, rounds=1, rays=options.rays) for one in variants]
 
@@ -98,6 +98,7 @@ def main() -> None:
     parser.add_argument("--method", default="all")
     parser.add_argument("--layout", default="normal")
     parser.add_argument("--nodes", default="all")
+    parser.add_argument("--fetch", default="all")
     parser.add_argument("--error-budget", type=float, default=1e-3)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()

@@ -5,7 +5,7 @@ rays; ratios are taken within a round. On llvmpipe with one thread both are proc
 seconds. Primary and shadow rays are measured apart. The paper's traversals walk floats and, where they can, 16-bit
 boxes, all others the formats of `--nodes`; every BVH is built by each of `--builders`, and all is fetched as `--fetch`
 says. Over plain trees `bvh-stack`, the paper's and those of KD-trees are fetched from storage buffers too. Prints
-tables in Markdown; `--write` puts the best variant of each traversal between the marks in a document.
+tables of each traversal's best variant in Markdown; `--write` puts them between the marks in a document.
 """
 
 from __future__ import annotations
@@ -248,6 +248,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--frames", type=int, default=1, help="a round, of which the fastest counts")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--every", action="store_true", help="print a row a variant, not only each traversal's best")
     parser.add_argument("--write", type=Path, metavar="FILE", help="a document with marks for the tables")
     options = parser.parse_args()
     here = {row["name"] for row in list_scenes() if row["here"]}
@@ -256,8 +257,8 @@ def main() -> None:
     for scene in options.scenes or [name for name in SCENES if name in here]:
         for kind in options.rays:
             found = measured(scene, kind, host, options)
-            print(table(found, options.size, found.times), "\n", flush=True)
             tables.append(table(found, options.size, best_of_each(found)))
+            print(table(found, options.size, found.times) if options.every else tables[-1], "\n", flush=True)
             rows += summary(found, options.methods.split(","))
             head = heading(found, options)
             del found
