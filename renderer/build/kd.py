@@ -27,7 +27,6 @@ Words = npt.NDArray[np.uint32]
 TASK = 1 << 14
 """Cells of at most so many triangles are a task of their own."""
 
-
 NODES_EACH, REFS_EACH = 8, 10
 """Room for nodes, and for leaves' entries, a triangle; more is made where that is too little."""
 
