@@ -6,19 +6,41 @@ import os
 import signal
 import subprocess
 import sys
-import threading
+from queue import Empty, SimpleQueue
 from types import FrameType
 
 
-def signalled() -> threading.Event:
-    """An event that SIGTERM and SIGINT set from now on, instead of what they did."""
-    told = threading.Event()
+class Told:
+    """Whether this process was told to end, for its main thread.
 
-    def handle(_number: int, _frame: FrameType | None) -> None:
-        told.set()
+    A handler runs in the main thread, between any two steps of it. So it must take no lock that this thread may hold,
+    as that of a `threading.Event` is while it waits; putting something into a `SimpleQueue` takes none.
+    """
 
+    def __init__(self) -> None:
+        self._signals = SimpleQueue[int]()
+        self._told = False
+
+    def handle(self, number: int, _frame: FrameType | None) -> None:
+        """Handle a signal."""
+        self._signals.put(number)
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Whether it was told by now, after at most `timeout` seconds."""
+        if not self._told:
+            try:
+                self._signals.get(timeout=timeout)
+                self._told = True
+            except Empty:
+                pass
+        return self._told
+
+
+def signalled() -> Told:
+    """What SIGTERM and SIGINT tell from now on, instead of what they did."""
+    told = Told()
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, handle)
+        signal.signal(number, told.handle)
     return told
 
 

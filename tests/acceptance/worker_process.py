@@ -6,12 +6,11 @@ import asyncio
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from threading import Event
 from typing import Any
 
 from renderer.child import AsyncSay
 from server.cli.service import GIVEN_UP
-from server.processes import signalled
+from server.processes import Told, signalled
 from server.queue.durable import Durable
 from server.queue.ledger import Claim
 from server.store.database import Database
@@ -39,8 +38,8 @@ def main() -> int:
     return run_until_told(worker, told)
 
 
-def run_until_told(worker: Worker, told: Event, started: Callable[[], object] = lambda: None) -> int:
-    """Run a worker, telling that it is `started`, until `told` is set or it is given up; the process's exit code."""
+def run_until_told(worker: Worker, told: Told, started: Callable[[], object] = lambda: None) -> int:
+    """Run a worker, telling that it is `started`, until it is `told` to end or given up; the process's exit code."""
     worker.start()
     started()
     while not told.wait(0.02) and not worker.given_up:
