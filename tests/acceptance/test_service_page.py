@@ -11,7 +11,6 @@ from urllib.parse import urlsplit
 
 import pytest
 from browsing import running_browser
-from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -270,10 +269,11 @@ def test_a_job_is_cancelled_from_its_page(service: Service, page: Chrome) -> Non
     job = service.post("jobs", scene="cornell-box", frames=1)
     page.get(f"{service.client.base_url}/jobs/{job['id']}")
     page.find_element(By.CSS_SELECTOR, "[data-cancel]").click()
-    patient = WebDriverWait(page, 10, ignored_exceptions=[StaleElementReferenceException])
-    patient.until(lambda p: p.find_element(By.ID, "state").text == "cancelled")
+    # Asked by a script: what is found here first may be drawn anew before it is asked for its text.
+    shown = "return document.getElementById('state').innerText"
+    WebDriverWait(page, 10).until(lambda p: p.execute_script(shown) == "cancelled")
     assert service.get(f"jobs/{job['id']}")["state"] == "cancelled"
-    patient.until(lambda p: p.find_elements(By.CSS_SELECTOR, "[data-cancel]") == [])
+    WebDriverWait(page, 10).until(lambda p: p.find_elements(By.CSS_SELECTOR, "[data-cancel]") == [])
 
 
 def _add_hostile_scene(service: Service) -> None:

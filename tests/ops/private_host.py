@@ -47,7 +47,7 @@ class PrivateHost:
     ) -> subprocess.CompletedProcess[str]:
         """Run a command to its end."""
         command = self.command(words, user)
-        options = {"capture_output": True, "text": True, "check": False, "timeout": 120, **options}
+        options = {"capture_output": True, "text": True, "check": False, "timeout": 300, **options}
         ran: subprocess.CompletedProcess[str] = subprocess.run(command, env=dict(environment), **options)
         return ran
 
