@@ -168,11 +168,9 @@ def _split_all(lists: Lists, spans: Spans, root: Floats, ids: Ints, shapes: Shap
         nodes.child[node], nodes.size[node] = made, 0
         lists = with_room(lists, span)
         classify(lists, span, axis, plane, planar_left, side)
-        if len(shapes.triangles) > 0:
-            anew = clip_straddlers(
-                lists.triangle[begin:end], side, ids, shapes, boxes[top, 0], boxes[top, 1], axis, plane, anew
-            )
         halve(boxes[top], boxes[top], boxes[top + 1], axis, plane)
+        if len(shapes.triangles) > 0:
+            anew = clip_straddlers(lists.triangle[begin:end], side, ids, shapes, boxes[top + 1], boxes[top], anew)
         split_lists(lists, spans, top, axis, plane, side, anew)
         waiting[top], waiting[top + 1] = made + 1, made
         depths[top], depths[top + 1] = depth + 1, depth + 1

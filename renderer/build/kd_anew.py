@@ -42,15 +42,13 @@ def clip_straddlers(
     side: Bytes,
     ids: Ints,
     shapes: Shapes,
-    lower: Floats,
-    upper: Floats,
-    axis: int,
-    plane: np.float32,
+    left: Floats,
+    right: Floats,
     anew: Anew,
 ) -> Anew:
     """Clips those of a cell's `triangles` that are ON_BOTH to the children, sets their side and makes their events.
 
-    `ids` names them in `shapes`. Returns `anew`, or a larger one.
+    `left` and `right` (2, 3) are the children's cells; `ids` names them in `shapes`. Returns `anew`, or a larger one.
     """
     straddlers = 0
     for one in triangles:
@@ -60,27 +58,23 @@ def clip_straddlers(
         anew = Anew(np.empty((2, 3, room), np.float32), np.empty((2, 3, room), np.uint32), anew.size)
     starts = np.zeros((2, 3), np.int64)
     anew.size[:] = 0
-    cells = np.empty((2, 2, 3), np.float32)
-    for child in range(2):
-        for k in range(3):
-            cells[child, 0, k], cells[child, 1, k] = lower[k], upper[k]
-    cells[0, 1, axis], cells[1, 0, axis] = plane, plane
+    cells = (left, right)
     work, box = np.empty((2, CORNERS, 3), np.float64), np.empty(6, np.float32)
     for one in triangles:
         if side[one] != ON_BOTH:
             continue
         where = 0
         for child in range(2):
-            if not clipped_box(shapes, ids[one], cells[child, 0], cells[child, 1], work, box):
+            if not clipped_box(shapes, ids[one], cells[child][0], cells[child][1], work, box):
                 continue
             where |= 1 << child
             code = np.uint32(one) << np.uint32(2)
             for k in range(3):
-                if box[k + 3] < cells[child, 1, k]:
+                if box[k + 3] < cells[child][1, k]:
                     at = anew.size[child, k]
                     anew.pos[child, k, at], anew.code[child, k, at] = box[k + 3], code | np.uint32(END)
                     anew.size[child, k] += 1
-                if box[k] > cells[child, 0, k]:
+                if box[k] > cells[child][0, k]:
                     at = straddlers + starts[child, k]
                     anew.pos[child, k, at], anew.code[child, k, at] = box[k], code | np.uint32(START)
                     starts[child, k] += 1

@@ -14,7 +14,7 @@ from renderer.jit import jit
 
 
 class Nodes(NamedTuple):
-    """Of a `Kd`'s node arrays those that a build finds out; `size` is its `count`. One that waits for a task has -1."""
+    """Of a `Kd`'s node arrays those that a build finds out; `size` is its `count`. One that waits is an empty leaf."""
 
     split: Floats
     axis: Bytes

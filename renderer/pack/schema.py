@@ -196,10 +196,11 @@ def _tail_readers(layout: NodeLayout) -> list[str]:
 
 _BOXES = {
     "grid16": (
+        "vec3 grid_point(uvec3 cells) { PRECISE vec3 p = grid_origin + vec3(cells) * grid_cell; return p; }",
         "#if BOX_CELLS",
-        "vec3 grid_face(uvec3 cells) { return vec3(cells); }",
+        "#define grid_face vec3",
         "#else",
-        "vec3 grid_face(uvec3 cells) { PRECISE vec3 p = grid_origin + vec3(cells) * grid_cell; return p; }",
+        "#define grid_face grid_point",
         "#endif",
         "void node_box(uvec4 c, out vec3 lower, out vec3 upper) {",
         "    lower = grid_face(c.xyz & 0xffffu);",

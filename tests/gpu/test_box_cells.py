@@ -66,7 +66,6 @@ def seen(grid: Grid, low: Words, high: Words, origin: Doubles, way: Doubles, gro
         "box_widened.glsl",
         f"intersector_{intersector}.glsl",
         "common_begin.glsl",
-        "vec3 point(uvec3 cells) { PRECISE vec3 p = grid_origin + vec3(cells) * grid_cell; return p; }\n",
     ]
     statements = [
         "uvec4 box = given[3u * i];",
@@ -76,8 +75,8 @@ def seen(grid: Grid, low: Words, high: Words, origin: Doubles, way: Doubles, gro
         "float entry;",
         "found[i * 4u] = uint(box_hit(lower, upper, entry));",
         "found[i * 4u + 1u] = floatBitsToUint(entry);",
-        "lower = point(box.xyz & 0xffffu);",
-        "upper = point(box.xyz >> 16);",
+        "lower = grid_point(box.xyz & 0xffffu);",
+        "upper = grid_point(box.xyz >> 16);",
         "entry = slab_entry(lower, upper);",
         "found[i * 4u + 2u] = uint(entry <= slab_least(slab_exit(lower, upper), hit_t) * WIDEN);",
         "found[i * 4u + 3u] = floatBitsToUint(entry);",
