@@ -23,9 +23,9 @@ from server.store.states import OPEN
 
 Json = dict[str, Any]
 
-SOON_S = 90.0
+SOON_S = 180.0
 """Patience with what takes seconds here; the machine may be busy."""
-SLICE_TIMEOUT_S = 22.0
+SLICE_TIMEOUT_S = 60.0
 CHILDREN = ("renderer.leash", "server.devices.phone_slice")
 _LARGE = 1 << 20
 
