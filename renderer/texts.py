@@ -56,6 +56,8 @@ def trace_texts(form: Form, on: Iterable[str], casts: Casts = "pixel", first: It
     variant = form.variant
     pixel, compute = _RENDER[casts, TRAVERSALS[variant.traversal].packet]
     defines = {**_defines(form), **dict.fromkeys(STAGES, 0), **dict.fromkeys(on, 1)}
+    if TRAVERSALS[variant.traversal].packet:
+        defines["PACKET_EYE"] = int(casts == "pixel")
     parts = [
         *first,
         "common_reads.glsl",

@@ -23,6 +23,8 @@ vec3 packet_below[PACKET];
 vec3 packet_box_above[PACKET];
 vec3 packet_box_below[PACKET];
 vec3 packet_box_inverse[PACKET];
+vec3 packet_eye_above;  // of rays from one eye, the outermost
+vec3 packet_eye_below;
 #endif
 #if INSTRUMENT
 uvec4 packet_counted[PACKET];
@@ -61,12 +63,26 @@ void packet_keep(int k, bool real) {
 #endif
 }
 
-// Ray k into the globals, as far as a box test reads them.
-void packet_aim(int k) {
-    ray_origin = packet_origin[k];
+// Rays from one eye may share its place in cells, which differs where a ray stands still or goes beyond what float32 holds.
+// By the outermost no box is entered later.
+void packet_share() {
+#if BOX_CELLS
+    packet_eye_above = packet_box_above[0];
+    packet_eye_below = packet_box_below[0];
+    for (int k = 1; k < PACKET; k++) {
+        packet_eye_above = max(packet_eye_above, packet_box_above[k]);
+        packet_eye_below = min(packet_eye_below, packet_box_below[k]);
+    }
+#endif
+}
+
+// Ray k into the globals, as far as a box test reads them. Of rays from one eye the first one's origin stands for all: the
+// same bits, and compilers see that what depends on nothing else is computed once for all rays.
+void packet_aim(int k, const bool one_eye) {
+    ray_origin = packet_origin[one_eye ? 0 : k];
     ray_direction = packet_direction[k];
     hit_t = packet_t[k];
-    slab_origin = packet_slab_origin[k];
+    slab_origin = packet_slab_origin[one_eye ? 0 : k];
     slab_inverse = packet_inverse[k];
     slab_stay = packet_stay[k];
     slab_octant = packet_octant[k];
@@ -75,8 +91,8 @@ void packet_aim(int k) {
     slab_below = packet_below[k];
 #endif
 #if BOX_CELLS
-    box_above = packet_box_above[k];
-    box_below = packet_box_below[k];
+    box_above = one_eye ? packet_eye_above : packet_box_above[k];
+    box_below = one_eye ? packet_eye_below : packet_box_below[k];
     box_inverse = packet_box_inverse[k];
 #else
     box_prepare();
@@ -84,8 +100,8 @@ void packet_aim(int k) {
 }
 
 // Ray k whole: with its hit, and what the intersector prepares.
-void packet_take(int k) {
-    packet_aim(k);
+void packet_take(int k, const bool one_eye) {
+    packet_aim(k, one_eye);
     hit_slot = packet_slot[k];
     hit_id = packet_id[k];
 #if INSTRUMENT

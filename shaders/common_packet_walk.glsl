@@ -2,8 +2,9 @@
 #include "common_stack.glsl"
 
 // The stack traversal (`traversal_bvh_stack.glsl`) of a packet: a node is entered if any ray enters its box, the first
-// ray's near child goes first, and a leaf's triangles are tested by every ray. Rays see every box that a single ray would,
-// so they find the same hits. A fetch counts for one ray of the packet, in turn: a ray's share is what it costs.
+// ray's near child goes first, and a leaf's triangles are tested by every ray. Where any hit will do its far child does:
+// shadow rays begin apart and meet at a light. Rays see every box that a single ray would, so they find the same hits. A
+// fetch counts for one ray of the packet, in turn: a ray's share is what it costs.
 #if INSTRUMENT
 uint packet_turn;
 
@@ -40,7 +41,7 @@ float packet_reach() {
     return farthest;
 }
 
-bool packet_enters(uint node, out uint link) {
+bool packet_enters(uint node, const bool one_eye, out uint link) {
     PACKET_FETCHED(1u, NODE_WORDS);
     vec3 lower, upper;
     fetch_node(node, lower, upper, link);
@@ -53,7 +54,7 @@ bool packet_enters(uint node, out uint link) {
         apart = false;
 #endif
         for (int k = 0; k < PACKET; k++) {
-            packet_aim(k);
+            packet_aim(k, one_eye);
             float entry;
             bool hit = box_hit(lower, upper, entry);
             PACKET_VISITED(k, hit, link)
@@ -65,10 +66,10 @@ bool packet_enters(uint node, out uint link) {
     return entered;
 }
 
-void packet_intersect(uint slot, const bool any_hit) {
+void packet_intersect(uint slot, const bool any_hit, const bool one_eye) {
     PACKET_FETCHED(0u, TEST_WORDS);
     for (int k = 0; k < PACKET; k++) {
-        packet_take(k);
+        packet_take(k, one_eye);
         intersect(slot);
         packet_t[k] = any_hit && hit_id != NO_PRIMITIVE ? NEVER : hit_t;
         packet_slot[k] = hit_slot;
@@ -91,18 +92,23 @@ void trace(const bool any_hit) {
 #if PACKET_INTERVAL
     interval_bound();
 #endif
+    bool one_eye = PACKET_EYE != 0 && !any_hit;
+    if (one_eye) {
+        packet_share();
+    }
+    uint order = any_hit ? packet_octant[0] ^ 14u : packet_octant[0];
     uint root;
-    bool entered = packet_enters(0u, root);
+    bool entered = packet_enters(0u, one_eye, root);
     uint stack[STACK_SIZE + 2];
     stack[0] = STACK_END;
     int top = 0;
     uint link = entered ? root : STACK_END;
     while (link != STACK_END) {
         while (node_axis(link) != LEAF) {
-            uint child = node_child(link) + ((packet_octant[0] >> node_axis(link)) & 1u);
+            uint child = node_child(link) + ((order >> node_axis(link)) & 1u);
             uint near, far;
-            bool near_hit = packet_enters(child, near);
-            bool far_hit = packet_enters(child ^ 1u, far);
+            bool near_hit = packet_enters(child, one_eye, near);
+            bool far_hit = packet_enters(child ^ 1u, one_eye, far);
             uint popped = stack[top];
             stack[top + 1] = far;
             link = near_hit ? near : far_hit ? far : popped;
@@ -111,7 +117,7 @@ void trace(const bool any_hit) {
         uint slot = node_first(link);
         uint last = slot + (link == STACK_END ? 0u : node_count(link));
         while (slot < last) {
-            packet_intersect(slot, any_hit);
+            packet_intersect(slot, any_hit, one_eye);
             slot += 1u;
         }
         bool over = link == STACK_END || (any_hit && packet_done());

@@ -21,7 +21,7 @@ bool inside_image(ivec2 pixel) {
 }
 
 void packet_surface(ivec2 corner, int k) {
-    packet_take(k);
+    packet_take(k, false);
     ivec2 pixel = packet_pixel(corner, k);
     surface_locate(pixel);
     surface_from_hit();
@@ -52,7 +52,7 @@ void packet_end_shadow(ivec2 corner, int k, int l) {
     ivec2 pixel = packet_pixel(corner, k);
     if (inside_image(pixel)) {
         uint at = record_base(pixel) + 4u * uint(l + 1);
-        packet_take(k);
+        packet_take(k, false);
         vec3 towards = lights[l] - packet_start[k];
         record_ray(at, length(towards), 1u | (uint(hidden) << 1));
         if (!packet_lit[k]) {

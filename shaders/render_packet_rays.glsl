@@ -35,7 +35,7 @@ void render_packet(ivec2 corner) {
 #if INSTRUMENT
         ivec2 pixel = packet_pixel(corner, k);
         if (uint(pixel.y * image_size.x + pixel.x) < ray_count) {
-            packet_take(k);
+            packet_take(k, false);
             uint at = record_base(pixel);
             record_ray(at, hit_t, hit_id);
             record_cut(at, cut);

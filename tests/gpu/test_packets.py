@@ -60,11 +60,12 @@ def test_packets_share_every_axis(axes: dict[str, str], traversal: str) -> None:
         assert same.first == {}
 
 
-@pytest.mark.parametrize("traversal", PACKETS)
+@pytest.mark.parametrize(("traversal", "nodes"), [(PACKETS[0], "grid16"), *((one, "f32") for one in PACKETS[1:])])
 @pytest.mark.parametrize("name", SCENES)
-def test_hand_made_scenes_and_several_lights(name: str, traversal: str) -> None:
+def test_hand_made_scenes_and_several_lights(name: str, traversal: str, nodes: str) -> None:
+    """Seen along an axis, a packet's rays stand still along another or do not, and share their place in cells."""
     shown = SCENES[name]()
-    found = run(shown, Variant(traversal, "compute"), SIZE)
+    found = run(shown, Variant(traversal, "compute", nodes=nodes), SIZE)
     assert identical(found.records, run(shown, Variant("bvh-stack", "compute"), SIZE).records).first == {}
 
 

@@ -206,9 +206,7 @@ def test_a_phone_that_hangs_ends_at_its_deadline_and_holds_up_nobody(
     assert at_once(jobs, [job])
     # The agent ends itself; on a machine so busy that preparing took long, its leash comes first.
     agent_s = SLICE_TIMEOUT_S * AGENT_SHARE
-    assert re.search(
-        rf"within its deadline of {agent_s} s|after {SLICE_TIMEOUT_S:g} s, its time limit", job["reason"]
-    )
+    assert re.search(rf"within its deadline of {agent_s} s|after {SLICE_TIMEOUT_S:g} s, its time limit", job["reason"])
     assert not was_retried(job)
     assert_recorded_once(farm, farm.ended(after))
 
