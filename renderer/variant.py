@@ -38,6 +38,7 @@ TRAVERSALS: dict[str, Traversal] = {
     "brute-force": Traversal("none", "none", "every triangle against every ray"),
     "bvh-stack": Traversal("bvh", "box", "both children a visit, while-while (Aila and Laine 2009)", state="stack"),
     "bvh-stack-cull": Traversal("bvh", "box", "bvh-stack, what lies behind a hit by then is not popped", state="stack"),
+    "bvh-stack-far": Traversal("bvh", "box", "bvh-stack, any hit is looked for from the ray's far end", state="stack"),
     "bvh-parent-link": Traversal("bvh", "box-parent", "Hapala et al. 2011", paper=True),
     "bvh-restart-trail": Traversal("bvh", "box", "Laine 2010", paper=True, state="trail"),
     "bvh-short-stack": Traversal("bvh", "box", "Laine 2010; Vaidyanathan et al. 2019", state="short trail"),

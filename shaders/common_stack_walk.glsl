@@ -1,5 +1,10 @@
 #include "common_root.glsl"
 
+// The octant by which near and far children are told apart.
+#ifndef STACK_OCTANT
+#define STACK_OCTANT(any_hit) slab_octant
+#endif
+
 // The stack walk: both children are tested at their parent, the near one by the split axis goes first, while-while (Aila
 // and Laine 2009). What is kept of a node is its link word, so leaves are not fetched again. A traversal says what else
 // waits with a link, `stack_wait`, and which entries need no visit once a leaf is done, `stack_pass`. The stack is
@@ -7,6 +12,7 @@
 void trace(const bool any_hit) {
     uint root;
     bool entered = enters_root(root);
+    uint octant = STACK_OCTANT(any_hit);
     vec3 lower, upper;
     float entry;
     stack_wait(0, STACK_END, 0.0);
@@ -17,7 +23,7 @@ void trace(const bool any_hit) {
             COUNT_NODE(NODE_WORDS);
             COUNT_NODE(NODE_WORDS);
             COUNT_VISIT(true, 0u);
-            uint child = node_child(link) + ((slab_octant >> node_axis(link)) & 1u);
+            uint child = node_child(link) + ((octant >> node_axis(link)) & 1u);
             uint near, far;
             fetch_node(child, lower, upper, near);
             bool near_hit = box_hit(lower, upper, entry);
