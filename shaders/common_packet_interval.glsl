@@ -2,6 +2,7 @@
 // extremes of their origins and inverse directions. Rounding keeps order, so no ray enters a box before the interval does
 // or leaves after it: what the interval misses, all rays miss. Where rays start far apart it enters too much, so after some
 // visits each ray is asked again, as it is where rays are not alike.
+
 // What the box test sees of each ray.
 #if BOX_CELLS
 #define INTERVAL_ABOVE packet_box_above
