@@ -14,7 +14,7 @@ from renderer.build.kd_clip import Shapes, unclipped
 from renderer.build.kd_events import TRIANGLES, Lists, Spans, classify, root_lists, split_lists, with_room
 from renderer.build.kd_nodes import Nodes, Part, Waiting, cells_of, halve, joined, nodes_resized, room_for_nodes
 from renderer.build.kd_plane import best_plane
-from renderer.build.kd_small import FEW, finish, room_for_cells
+from renderer.build.kd_small import FEW, finish, room_for_cells, take
 from renderer.build.pad import around
 from renderer.build.parallel import each
 from renderer.build.progress import TOP_SHARE, Told, untold, within
@@ -124,23 +124,9 @@ def _split_all(lists: Lists, spans: Spans, root: Floats, ids: Ints, shapes: Shap
             nodes.axis[node], nodes.split[node], nodes.child[node], nodes.size[node] = axis, plane, filled, 0
             continue
         if end - begin <= FEW and len(shapes.triangles) == 0:
-            few = np.empty(end - begin, np.int32)
-            for i in range(begin, end):
-                few[i - begin] = ids[lists.triangle[i]]
+            take(small, lists, span, ids, shapes.boxes, boxes[top], rank)
             nodes, made, refs, filled = finish(
-                shapes.boxes,
-                few,
-                boxes[top],
-                node,
-                depth,
-                nodes,
-                made,
-                refs,
-                filled,
-                small,
-                rules.max_depth,
-                rules.traversal,
-                rules.intersection,
+                small, node, depth, nodes, made, refs, filled, rules.max_depth, rules.traversal, rules.intersection
             )
             continue
         if depth < rules.max_depth and end > begin:
