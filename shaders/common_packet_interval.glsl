@@ -32,7 +32,7 @@ vec3 interval_most;
 
 void interval_bound() {
     uint some = 0u;
-    uint every = 14u;
+    uint every = OCTANT_BITS;
     bool still = false;
     vec3 least_near = vec3(FARTHEST_FACE);
     vec3 most_near = vec3(-FARTHEST_FACE);

@@ -96,7 +96,7 @@ void trace(const bool any_hit) {
     if (one_eye) {
         packet_share();
     }
-    uint order = any_hit ? packet_octant[0] ^ 14u : packet_octant[0];
+    uint order = any_hit ? packet_octant[0] ^ OCTANT_BITS : packet_octant[0];
     uint root;
     bool entered = packet_enters(0u, one_eye, root);
     uint stack[STACK_SIZE + 2];

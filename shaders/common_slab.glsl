@@ -11,6 +11,7 @@ vec3 slab_origin;
 vec3 slab_inverse;
 vec3 slab_stay;
 uint slab_octant;  // bits 1 to 3: the ray runs backward along x, y, z
+const uint OCTANT_BITS = 14u;
 
 // A ray that does not move along an axis is inside that slab for all t or for none, its faces included: a face at the
 // origin is entered at 0 and, thanks to `slab_stay`, never left, and no 0 * inf arises.

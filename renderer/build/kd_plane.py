@@ -83,21 +83,22 @@ def _sweep(
         at, kind = np.float64(pos[i]), code[i] & np.uint32(3)
         right -= kind == END
         if low < at < high:
-            price = _price(left, right, cap + (at - low) * rim, cap + (high - at) * rim, scale, traversal)
+            price = price_of(left, right, cap + (at - low) * rim, cap + (high - at) * rim, scale, traversal)
             if price < best:
                 best, plane, planar_left = price, pos[i], kind == START
         left += kind != END
         if kind == PLANAR:
             right -= 1
             if low < at < high:
-                price = _price(left, right, cap + (at - low) * rim, cap + (high - at) * rim, scale, traversal)
+                price = price_of(left, right, cap + (at - low) * rim, cap + (high - at) * rim, scale, traversal)
                 if price < best:
                     best, plane, planar_left = price, pos[i], True
     return best, plane, planar_left
 
 
 @jit
-def _price(left: int, right: int, left_area: float, right_area: float, scale: float, traversal: float) -> float:
+def price_of(left: int, right: int, left_area: float, right_area: float, scale: float, traversal: float) -> float:
+    """A plane's cost with so many triangles on each side; `scale` is the cost of testing one over the cell's area."""
     price = traversal + scale * (left * left_area + right * right_area)
     return price * EMPTY_BONUS if left == 0 or right == 0 else price
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from renderer.build.grow import resized
 from renderer.build.kd_events import TRIANGLES, Lists, Spans
 from renderer.build.kd_nodes import Nodes, halve, nodes_resized
-from renderer.build.kd_plane import EMPTY_BONUS, END, START
+from renderer.build.kd_plane import END, START, price_of
 from renderer.build.tree import KD_LEAF, MAX_DEPTH, Bytes, Floats, Ints
 from renderer.jit import jit
 
@@ -182,9 +182,7 @@ def best_plane_of_few(cells: Cells, top: int, traversal: float, intersection: fl
             for leftward in range(2 if flat > 0 else 1):
                 on_left = begun + flat * leftward
                 on_right = right + flat * (1 - leftward)
-                price = traversal + scale * (on_left * left_area + on_right * right_area)
-                if on_left == 0 or on_right == 0:
-                    price *= EMPTY_BONUS
+                price = price_of(on_left, on_right, left_area, right_area, scale, traversal)
                 if price < best:
                     best, axis, plane, flat_left = price, k, face, leftward == 1
     return axis, plane, flat_left
