@@ -17,7 +17,7 @@ from renderer.build.radix import sort_keys, stable_order
 from renderer.build.refit import depth_of, fit_boxes, sah_cost
 from renderer.build.sorted_range import sort_range
 from renderer.build.spatial import normalised, spatial_order
-from renderer.build.sweep import MEDIAN_LEAF, NO_SPLIT, Rules, median_split, pair_split, sah_split
+from renderer.build.sweep import MEDIAN_LEAF, NO_SPLIT, Rules, few_split, median_split, pair_split, sah_split
 from renderer.build.tree import MAX_BVH_LEAF, MAX_DEPTH, Bvh, Bytes, Floats, Ints, SahCosts
 from renderer.jit import jit
 
@@ -33,6 +33,9 @@ ROOM = 2 * TASK
 SMALL = 2048
 BINNED_SMALL = 256
 """Nodes of at most so many triangles are swept in sorted lists; the second is of "binned"."""
+
+BINNED_FEW = 6
+"""Nodes of "binned" of at most so many are swept along one axis."""
 
 
 class Work(NamedTuple):
@@ -171,6 +174,7 @@ def split_range(
     child[0], count[0], axis[0], parent[0] = first, last - first, 0, -1
     waiting[0, 1], waiting[0, 2] = level, is_sorted
     small = SMALL if rules.exact else BINNED_SMALL
+    few = BINNED_FEW if rules.use_sah and not rules.exact else 0
     top, made, cut_off = 1, 1, 0
     while top > 0:
         top -= 1
@@ -195,6 +199,10 @@ def split_range(
             if chosen == NO_SPLIT:
                 sort_range(boxes, lists, begin, end)
                 in_order = 1
+        elif end - begin <= few and depth + end - begin - 1 <= rules.max_depth:
+            chosen, cut = few_split(boxes, lists, areas, begin, end, rules)
+            if chosen == NO_SPLIT:
+                continue
         elif end - begin == 2 and rules.use_sah and depth < rules.max_depth:
             chosen = pair_split(boxes, lists, begin, rules)
             if chosen == NO_SPLIT:

@@ -39,10 +39,48 @@ def sah_split(boxes: Floats, lists: Words, areas: Floats, begin: int, end: int, 
         cost, slot = _cheapest_cut(boxes, lists, areas, candidate, begin, end, first, best)
         if cost < best:
             best, axis, cut = cost, candidate, slot
-    area = areas[begin]
-    if (end - begin) * rules.intersection * area <= rules.traversal * area + rules.intersection * best:
-        return NO_SPLIT, begin
-    return axis, cut
+    return (NO_SPLIT, begin) if _leaf_is_cheaper(areas[begin], end - begin, best, rules) else (axis, cut)
+
+
+@jit
+def few_split(boxes: Floats, lists: Words, areas: Floats, begin: int, end: int, rules: Rules) -> tuple[int, int]:
+    """`sah_split` along the axis on which the centroids reach furthest only; sorts the first list so, and needs no other."""
+    axis, best = _widest(boxes, lists, begin, end), np.float32(np.inf)
+    for i in range(begin + 1, end):
+        box, at = lists[0, i], i
+        key = _centroid(boxes, box, axis)
+        while at > begin and _centroid(boxes, lists[0, at - 1], axis) > key:
+            lists[0, at] = lists[0, at - 1]
+            at -= 1
+        lists[0, at] = box
+    first = _right_areas(boxes, lists, areas, 0, begin, end, best)
+    best, cut = _cheapest_cut(boxes, lists, areas, 0, begin, end, first, best)
+    return (NO_SPLIT, begin) if _leaf_is_cheaper(areas[begin], end - begin, best, rules) else (axis, cut)
+
+
+@jit
+def _leaf_is_cheaper(area: np.float32, size: int, parts: np.float32, rules: Rules) -> bool:
+    """Or as cheap: `parts` is what triangles in both children cost, by area."""
+    return bool(size * rules.intersection * area <= rules.traversal * area + rules.intersection * parts)
+
+
+@jit
+def _widest(boxes: Floats, lists: Words, begin: int, end: int) -> int:
+    x0, y0, z0 = np.float32(np.inf), np.float32(np.inf), np.float32(np.inf)
+    x1, y1, z1 = np.float32(-np.inf), np.float32(-np.inf), np.float32(-np.inf)
+    for i in range(begin, end):
+        box = lists[0, i]
+        x, y, z = _centroid(boxes, box, 0), _centroid(boxes, box, 1), _centroid(boxes, box, 2)
+        x0, y0, z0 = min(x, x0), min(y, y0), min(z, z0)
+        x1, y1, z1 = max(x, x1), max(y, y1), max(z, z1)
+    x, y, z = x1 - x0, y1 - y0, z1 - z0
+    return (0 if x >= z else 2) if x >= y else (1 if y >= z else 2)
+
+
+@jit
+def _centroid(boxes: Floats, box: int, axis: int) -> np.float32:
+    """Twice of it."""
+    return np.float32(boxes[box, axis] + boxes[box, axis + 3])
 
 
 @jit
@@ -53,11 +91,11 @@ def pair_split(boxes: Floats, lists: Words, begin: int, rules: Rules) -> int:
     y = max(boxes[a, 4], boxes[b, 4]) - min(boxes[a, 1], boxes[b, 1])
     z = max(boxes[a, 5], boxes[b, 5]) - min(boxes[a, 2], boxes[b, 2])
     area, parts = x * y + z * (x + y), _area(boxes, a) + _area(boxes, b)
-    if 2 * rules.intersection * area <= rules.traversal * area + rules.intersection * parts:
+    if _leaf_is_cheaper(area, 2, parts, rules):
         return NO_SPLIT
     axis, widest = 0, np.float32(-1)
     for k in range(3):
-        apart = abs(boxes[a, k] + boxes[a, k + 3] - boxes[b, k] - boxes[b, k + 3])
+        apart = abs(_centroid(boxes, a, k) - _centroid(boxes, b, k))
         if apart > widest:
             axis, widest = k, apart
     lists[0, begin], lists[0, begin + 1] = lists[axis, begin], lists[axis, begin + 1]
@@ -119,8 +157,7 @@ def median_split(boxes: Floats, lists: Words, begin: int, end: int) -> tuple[int
     axis, widest = 0, np.float32(-1)
     for candidate in range(3):
         first, last = lists[candidate, begin], lists[candidate, end - 1]
-        low = boxes[first, candidate] + boxes[first, candidate + 3]
-        high = boxes[last, candidate] + boxes[last, candidate + 3]
-        if high - low > widest:
-            axis, widest = candidate, high - low
+        reach = _centroid(boxes, last, candidate) - _centroid(boxes, first, candidate)
+        if reach > widest:
+            axis, widest = candidate, reach
     return axis, begin + (end - begin) // 2
