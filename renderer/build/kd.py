@@ -124,7 +124,7 @@ def _split_all(lists: Lists, spans: Spans, root: Floats, ids: Ints, shapes: Shap
             nodes.axis[node], nodes.split[node], nodes.child[node], nodes.size[node] = axis, plane, filled, 0
             continue
         if end - begin <= FEW and len(shapes.triangles) == 0:
-            take(small, lists, span, ids, shapes.boxes, boxes[top], rank)
+            take(small, lists, span, ids, boxes[top], rank)
             nodes, made, refs, filled = finish(
                 small, node, depth, nodes, made, refs, filled, rules.max_depth, rules.traversal, rules.intersection
             )

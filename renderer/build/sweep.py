@@ -44,7 +44,7 @@ def sah_split(boxes: Floats, lists: Words, areas: Floats, begin: int, end: int, 
 
 @jit
 def few_split(boxes: Floats, lists: Words, areas: Floats, begin: int, end: int, rules: Rules) -> tuple[int, int]:
-    """`sah_split` along the axis on which the centroids reach furthest only; sorts the first list so, and needs no other."""
+    """`sah_split` along one axis, on which the centroids reach furthest; sorts the first list, and needs no other."""
     axis, best = _widest(boxes, lists, begin, end), np.float32(np.inf)
     for i in range(begin + 1, end):
         box, at = lists[0, i], i

@@ -27,7 +27,7 @@ def finished(boxes: Floats, traversal: float) -> Any:
     """The tree as nested (axis, plane, left, right), a leaf as its triangles."""
     lists, spans = root_lists(boxes, 2)
     cells, rank = room_for_cells(), np.empty(len(boxes), np.uint32)
-    take(cells, lists, spans[0], np.arange(len(boxes), dtype=np.int32), boxes, np.stack(around(boxes)), rank)
+    take(cells, lists, spans[0], np.arange(len(boxes), dtype=np.int32), np.stack(around(boxes)), rank)
     nodes, refs = room_for_nodes(1), np.empty(1, np.int32)
     nodes, _, refs, _ = finish(cells, 0, 0, nodes, 1, refs, 0, DEEPEST, traversal, 1.0)
     return _nested(nodes, refs, 0)
