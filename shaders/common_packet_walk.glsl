@@ -103,25 +103,29 @@ void trace(const bool any_hit) {
     stack[0] = STACK_END;
     int top = 0;
     uint link = entered ? root : STACK_END;
-    while (link != STACK_END) {
-        while (node_axis(link) != LEAF) {
-            uint child = node_child(link) + ((order >> node_axis(link)) & 1u);
-            uint near, far;
-            bool near_hit = packet_enters(child, one_eye, near);
-            bool far_hit = packet_enters(child ^ 1u, one_eye, far);
-            uint popped = stack[top];
-            stack[top + 1] = far;
-            link = near_hit ? near : far_hit ? far : popped;
-            top += int(near_hit) + int(far_hit) - 1;
+    do {
+        if (node_axis(link) != LEAF) {
+            do {
+                uint child = node_child(link) + ((order >> node_axis(link)) & 1u);
+                uint near, far;
+                bool near_hit = packet_enters(child, one_eye, near);
+                bool far_hit = packet_enters(child ^ 1u, one_eye, far);
+                uint popped = stack[top];
+                stack[top + 1] = far;
+                link = near_hit ? near : far_hit ? far : popped;
+                top += int(near_hit) + int(far_hit) - 1;
+            } while (node_axis(link) != LEAF);
         }
         uint slot = node_first(link);
         uint last = slot + (link == STACK_END ? 0u : node_count(link));
-        while (slot < last) {
-            packet_intersect(slot, any_hit, one_eye);
-            slot += 1u;
+        if (slot < last) {
+            do {
+                packet_intersect(slot, any_hit, one_eye);
+                slot += 1u;
+            } while (slot < last);
         }
         bool over = link == STACK_END || (any_hit && packet_done());
         link = over ? STACK_END : stack[max(top, 0)];
         top -= 1;
-    }
+    } while (link != STACK_END);
 }

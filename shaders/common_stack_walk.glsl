@@ -9,6 +9,7 @@
 // and Laine 2009). What is kept of a node is its link word, so leaves are not fetched again. A traversal says what else
 // waits with a link, `stack_wait`, and which entries need no visit once a leaf is done, `stack_pass`. The stack is
 // written and read whether it is used or not: where lanes run in masked loops, a store that some of them skip costs more.
+// Loops test at their end, for there a test before the first turn costs a turn in which no lane does anything.
 void trace(const bool any_hit) {
     uint root;
     bool entered = enters_root(root);
@@ -18,21 +19,23 @@ void trace(const bool any_hit) {
     stack_wait(0, STACK_END, 0.0);
     int top = 0;  // where the next popped link lies
     uint link = entered ? root : STACK_END;
-    while (link != STACK_END) {
-        while (node_axis(link) != LEAF) {
-            COUNT_NODE(NODE_WORDS);
-            COUNT_NODE(NODE_WORDS);
-            COUNT_VISIT(true, 0u);
-            uint child = node_child(link) + ((octant >> node_axis(link)) & 1u);
-            uint near, far;
-            fetch_node(child, lower, upper, near);
-            bool near_hit = box_hit(lower, upper, entry);
-            fetch_node(child ^ 1u, lower, upper, far);
-            bool far_hit = box_hit(lower, upper, entry);
-            uint popped = stack[top];
-            stack_wait(top + 1, far, entry);
-            link = near_hit ? near : far_hit ? far : popped;
-            top += int(near_hit) + int(far_hit) - 1;
+    do {
+        if (node_axis(link) != LEAF) {
+            do {
+                COUNT_NODE(NODE_WORDS);
+                COUNT_NODE(NODE_WORDS);
+                COUNT_VISIT(true, 0u);
+                uint child = node_child(link) + ((octant >> node_axis(link)) & 1u);
+                uint near, far;
+                fetch_node(child, lower, upper, near);
+                bool near_hit = box_hit(lower, upper, entry);
+                fetch_node(child ^ 1u, lower, upper, far);
+                bool far_hit = box_hit(lower, upper, entry);
+                uint popped = stack[top];
+                stack_wait(top + 1, far, entry);
+                link = near_hit ? near : far_hit ? far : popped;
+                top += int(near_hit) + int(far_hit) - 1;
+            } while (node_axis(link) != LEAF);
         }
         uint count = link == STACK_END ? 0u : node_count(link);
         COUNT_VISIT(false, count);
@@ -41,5 +44,5 @@ void trace(const bool any_hit) {
         top = stack_pass(top, any_hit);
         link = over ? STACK_END : stack[max(top, 0)];
         top -= 1;
-    }
+    } while (link != STACK_END);
 }

@@ -33,28 +33,30 @@ void trace(const bool any_hit) {
     stack[0] = STACK_END;
     int top = 0;
     uint link = ROOT;
-    while (link != STACK_END) {
-        while (node_axis(link) != LEAF) {
-            COUNT_NODE(QUAD_WORDS);
-            COUNT_VISIT(true, 0u);
-            fetch_quad(node_child(link));
-            quad_test(0);
-            quad_test(1);
-            quad_test(2);
-            quad_test(3);
-            quad_order(0, 1, any_hit);
-            quad_order(2, 3, any_hit);
-            quad_order(1, 3, any_hit);
-            stack[top + 1] = quad_link[0];
-            top += int(quad_entry[0] != MISSED);
-            stack[top + 1] = quad_link[1];
-            top += int(quad_entry[1] != MISSED);
-            stack[top + 1] = quad_link[2];
-            top += int(quad_entry[2] != MISSED);
-            bool hit = quad_entry[3] != MISSED;
-            uint popped = stack[max(top, 0)];
-            link = hit ? quad_link[3] : popped;
-            top -= int(!hit);
+    do {
+        if (node_axis(link) != LEAF) {
+            do {
+                COUNT_NODE(QUAD_WORDS);
+                COUNT_VISIT(true, 0u);
+                fetch_quad(node_child(link));
+                quad_test(0);
+                quad_test(1);
+                quad_test(2);
+                quad_test(3);
+                quad_order(0, 1, any_hit);
+                quad_order(2, 3, any_hit);
+                quad_order(1, 3, any_hit);
+                stack[top + 1] = quad_link[0];
+                top += int(quad_entry[0] != MISSED);
+                stack[top + 1] = quad_link[1];
+                top += int(quad_entry[1] != MISSED);
+                stack[top + 1] = quad_link[2];
+                top += int(quad_entry[2] != MISSED);
+                bool hit = quad_entry[3] != MISSED;
+                uint popped = stack[max(top, 0)];
+                link = hit ? quad_link[3] : popped;
+                top -= int(!hit);
+            } while (node_axis(link) != LEAF);
         }
         uint count = link == STACK_END ? 0u : node_count(link);
         COUNT_VISIT(false, count);
@@ -62,5 +64,5 @@ void trace(const bool any_hit) {
         bool over = link == STACK_END || (any_hit && hit_id != NO_PRIMITIVE);
         link = over ? STACK_END : stack[max(top, 0)];
         top -= 1;
-    }
+    } while (link != STACK_END);
 }

@@ -7,28 +7,33 @@
 // (`renderer/pack/paths.py`).
 void trace(const bool any_hit) {
     uint root;
-    bool done = !enters_root(root);
+    if (!enters_root(root)) {
+        return;
+    }
+    bool done;
     vec3 lower, upper;
     float entry;
     uint link = root;
     uint side = 1u;
     path_clear();
-    while (!done) {
-        while (node_axis(link) != LEAF) {
-            COUNT_NODE(NODE_WORDS);
-            COUNT_NODE(NODE_WORDS);
-            COUNT_VISIT(true, 0u);
-            path_descend(side);
-            uint near_side = (slab_octant >> node_axis(link)) & 1u;
-            uint child = node_child(link) + near_side;
-            uint near, far;
-            fetch_node(child, lower, upper, near);
-            bool near_hit = box_hit(lower, upper, entry);
-            fetch_node(child ^ 1u, lower, upper, far);
-            bool far_hit = box_hit(lower, upper, entry);
-            path_mark(near_hit && far_hit);
-            side = near_hit ? near_side : near_side ^ 1u;
-            link = near_hit ? near : far_hit ? far : 0u;
+    do {
+        if (node_axis(link) != LEAF) {
+            do {
+                COUNT_NODE(NODE_WORDS);
+                COUNT_NODE(NODE_WORDS);
+                COUNT_VISIT(true, 0u);
+                path_descend(side);
+                uint near_side = (slab_octant >> node_axis(link)) & 1u;
+                uint child = node_child(link) + near_side;
+                uint near, far;
+                fetch_node(child, lower, upper, near);
+                bool near_hit = box_hit(lower, upper, entry);
+                fetch_node(child ^ 1u, lower, upper, far);
+                bool far_hit = box_hit(lower, upper, entry);
+                path_mark(near_hit && far_hit);
+                side = near_hit ? near_side : near_side ^ 1u;
+                link = near_hit ? near : far_hit ? far : 0u;
+            } while (node_axis(link) != LEAF);
         }
         uint count = node_count(link);
         COUNT_VISIT(false, count);
@@ -39,5 +44,5 @@ void trace(const bool any_hit) {
             COUNT_WORDS(2);
             link = path_link(side);
         }
-    }
+    } while (!done);
 }

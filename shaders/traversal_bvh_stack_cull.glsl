@@ -11,7 +11,7 @@ void stack_wait(int place, uint link, float entry) {
 }
 
 int stack_pass(int top, const bool any_hit) {
-    while (!any_hit && stack_entry[max(top, 0)] > hit_t * WIDEN) {
+    while (!any_hit && top > 0 && stack_entry[max(top, 0)] > hit_t * WIDEN) {
         top -= 1;
     }
     return top;
