@@ -21,6 +21,7 @@ import numpy.typing as npt
 from renderer.answering import Say, answer_task, silent, tell_note
 from renderer.host import Host
 from renderer.instrumented import records_of, refuse_cut
+from renderer.judge.timed_image import refuse_apart
 from renderer.locks import holding, machine_lock
 from renderer.phases import Phases, process_age_s
 from renderer.pictures.counts import METRICS, Counts, count_pixels
@@ -92,6 +93,7 @@ def measure(
         assert records is not None
         with _phase("judging", machine_lock(), say, phases):
             with phases.timed("judging"):
+                refuse_apart(ready.prepared.scene, records, request.rays, timed.image)
                 errors = asdict(_judged(ready, records, timed.image))
                 measurement |= _facts(ready.prepared, ready.timed, records) | {"error": errors}
                 if request.models:

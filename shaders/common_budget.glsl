@@ -5,8 +5,8 @@ uniform uvec2 budget_turns;
 
 bool budget_spent() {
     uint turn = 0u;
-    do {
+    while (turn < budget_turns.x) {
         turn += 1u;
-    } while (turn < budget_turns.x);
+    }
     return turn != budget_turns.y;
 }

@@ -26,6 +26,7 @@ from renderer.host import Frames, Host
 from renderer.instrumented import records_of, refuse_cut
 from renderer.judge.accuracy import Errors, judge
 from renderer.judge.oracle import Oracle
+from renderer.judge.timed_image import refuse_apart
 from renderer.kept_twins import KeptTwins
 from renderer.locks import holding, machine_lock
 from renderer.pack.nodes import PackError
@@ -179,7 +180,9 @@ class Pilot:
         with holding(self.host.lock), self._timed("judging"):
             plan = ready.plan(instrument=True)
             records = records_of(ready, plan, self.host.collect(plan))
+            timed = self.host.measure(self._plan(label, size), 1, lambda: None)
         with holding(machine_lock()), self._timed("judging"):
+            refuse_apart(self.scene, records, self.base.rays, timed.image)
             intersector = ready.request.variant.intersector
             referee = self._tree_of_referee(ready)
             errors = judge(self.scene.triangles, records, self._embree(), referee, "referee", intersector)
