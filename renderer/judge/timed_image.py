@@ -48,7 +48,7 @@ def _judged(scene: Scene, records: Records, rays: str) -> tuple[Image, Flags]:
     hit = hits.primitive != -1
     known = np.ones(len(hit), np.bool_)
     t = hits.t[hit].astype(np.float64)
-    if rays == "primary" and not records.rasterised:
+    if rays == "primary":
         return picture(records.size, hit, distance_grey(scene, t)), known
     clear = ~records.occluded
     light = np.zeros(len(hit))
