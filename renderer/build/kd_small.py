@@ -146,6 +146,7 @@ def finish(
         plane = cells.pos[chosen, event]
         split[at], child[at], size[at] = plane, made, 0
         _divide(cells, top, chosen, event, flat_left)
+        # As `halve`, to which slices would have to be given, whose references cost more than the cut.
         for k in range(3):
             box[top + 1, 0, k], box[top + 1, 1, k] = box[top, 0, k], box[top, 1, k]
         box[top, 0, chosen], box[top + 1, 1, chosen] = plane, plane

@@ -40,23 +40,21 @@ def points_of(rays: Rays, t: Doubles) -> Doubles:
     return points
 
 
-def face_normals(scene: Scene, rays: Rays, primitive: Ints) -> Doubles:
-    """Of the triangles that were hit, (n, 3), unit, towards the eye."""
-    corners = scene.triangles[primitive].astype(np.float64)
-    return _facing(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), -rays.direction)
+def normals_of(scene: Scene, rays: Rays, points: Doubles, primitive: Ints) -> tuple[Doubles, Doubles]:
+    """Of the triangles that were hit at `points`, and those that shade there, (n, 3) each, unit, towards the eye.
 
-
-def shading_normals(scene: Scene, rays: Rays, t: Doubles, primitive: Ints) -> Doubles:
-    """The vertices' normals at the hits, by barycentric coordinates, where the scene has some; else the faces'."""
-    if scene.normals is None:
-        return face_normals(scene, rays, primitive)
+    The second are the vertices', by barycentric coordinates, where the scene has some; else the first.
+    """
     corners = scene.triangles[primitive].astype(np.float64)
-    a, b, c = (corners[:, k] - points_of(rays, t) for k in range(3))
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    face = _facing(normal, -rays.direction)
+    if scene.normals is None:
+        return face, face
+    a, b, c = (corners[:, k] - points for k in range(3))
     weights = np.stack([dot(np.cross(p, q), normal) for p, q in ((b, c), (c, a), (a, b))], axis=1)
     weights /= dot(normal, normal)[:, None]
     between = np.einsum("nk,nkj->nj", weights, scene.normals[scene.faces[primitive]].astype(np.float64))
-    return _facing(between, -rays.direction)
+    return face, _facing(between, -rays.direction)
 
 
 def unit(vectors: Doubles) -> Doubles:

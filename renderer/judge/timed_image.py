@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.judge.shading import Image, distance_grey, dot, lit_grey, picture, shading_normals
+from renderer.judge.shading import Image, distance_grey, dot, lit_grey, normals_of, picture, points_of
 from renderer.plan import PlanError
 from renderer.records import Flags, Records
 from scenes.scene import Scene
@@ -56,7 +56,8 @@ def _judged(scene: Scene, records: Records, rays: str) -> tuple[Image, Flags]:
         known[records.shadow_pixel[clear]] = False
     else:
         normal = np.zeros((len(hit), 3))
-        normal[hit] = shading_normals(scene, records.primary[np.flatnonzero(hit)], t, hits.primitive[hit])
+        primary = records.primary[np.flatnonzero(hit)]
+        _, normal[hit] = normals_of(scene, primary, points_of(primary, t), hits.primitive[hit])
         given = np.maximum(dot(normal[records.shadow_pixel], records.shadow.direction), 0.0)
         np.add.at(light, records.shadow_pixel, given * clear)
     return picture(records.size, hit, lit_grey(scene, light[hit])), known

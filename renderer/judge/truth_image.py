@@ -13,18 +13,7 @@ import numpy as np
 
 from renderer.build.tree import Bvh
 from renderer.judge import referee
-from renderer.judge.shading import (
-    Doubles,
-    Image,
-    distance_grey,
-    dot,
-    face_normals,
-    lit_grey,
-    picture,
-    points_of,
-    shading_normals,
-    unit,
-)
+from renderer.judge.shading import Doubles, Image, distance_grey, dot, lit_grey, normals_of, picture, points_of, unit
 from renderer.records import Flags, Floats, Ints, Rays
 from renderer.view import view_of
 from scenes.kept import cache_folder, kept, key_of
@@ -83,7 +72,7 @@ def _primary(scene: Scene, camera: Camera, size: tuple[int, int]) -> Rays:
 def _shaded(scene: Scene, bvh: Bvh, rays: Rays, t: Doubles, primitive: Ints) -> Doubles:
     """The grey of each hit, (n,)."""
     point = points_of(rays, t)
-    face, normal = face_normals(scene, rays, primitive), shading_normals(scene, rays, t, primitive)
+    face, normal = normals_of(scene, rays, point, primitive)
     light = np.zeros(len(t))
     for position in np.array(scene.lights, np.float32):
         way = unit(position - point)
