@@ -108,7 +108,7 @@ def settled(tree: Loose, ids: Ints, boxes: Floats, costs: SahCosts) -> Bvh:
     Subtrees become leaves where that costs no more, and references of one triangle in one leaf become one. An inner
     node's axis is that along which its children's centres lie farthest apart for their length.
     """
-    nodes = _parents_first(tree.child, tree.size)
+    nodes = parents_first(tree.child, tree.size, 0)
     leaf = _leaves(nodes, tree.box, tree.child, tree.size, costs.traversal, costs.intersection)
     child, count, axis, parent, order, kept = _laid_out(tree.box, tree.child, tree.size, leaf, ids, boxes)
     lower, upper = fit_boxes(kept, child, count, np.arange(len(order), dtype=np.int32))
@@ -117,14 +117,16 @@ def settled(tree: Loose, ids: Ints, boxes: Floats, costs: SahCosts) -> Bvh:
 
 
 @jit
-def _parents_first(child: Ints, count: Ints) -> Ints:
+def parents_first(child: Ints, count: Ints, root: int) -> Ints:
+    """The nodes from `root` down, each behind its parent."""
     nodes = np.empty(len(child), np.int32)
-    nodes[0], made = 0, 1
-    for i in range(len(child)):
+    nodes[0], made, i = root, 1, 0
+    while i < made:
         if count[nodes[i]] == 0:
             nodes[made], nodes[made + 1] = child[nodes[i]], child[nodes[i]] + 1
             made += 2
-    return nodes
+        i += 1
+    return nodes[:made]
 
 
 @jit

@@ -1,4 +1,7 @@
-"""BVHs that cost less than a sweep's: with spatial splits, with re-insertion, or with both; leaves are merged last."""
+"""BVHs that cost less than a sweep's: with spatial splits, with re-insertion and treelets, or with all three.
+
+Leaves are merged last.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ SINGLES = SahCosts(0.0, 1.0)
 @dataclass(frozen=True)
 class Refinement:
     """How a tree is made: planes in space are taken where they cost less than `split` of the best object split, so 0
-    takes none; then `rounds` of re-insertion."""
+    takes none; then `rounds` of what makes it better."""
 
     split: float
     rounds: Sequence[Round]
@@ -31,7 +34,7 @@ class Refinement:
 REFINEMENTS = {
     "reinserted": Refinement(0.0, SHORT),
     "sbvh": Refinement(1.0, ()),
-    "sbvh-reinserted": Refinement(0.82, LONG),
+    "sbvh-reinserted": Refinement(0.85, LONG),
 }
 """The builders of this file by their names. Re-insertion itself wins what splits that win little would."""
 
@@ -49,7 +52,7 @@ def build_refined(
     deepest = min(max_depth, MAX_DEPTH)
     first = within(told, 0.0, 1.0 / (1 + len(how.rounds)))
     loose, refs = _split(boxes, deepest, how.split, first) if how.split > 0.0 else _swept(boxes, deepest, first)
-    loose = optimised(loose, how.rounds, deepest, within(told, 1.0 / (1 + len(how.rounds)), 1.0))
+    loose = optimised(loose, how.rounds, costs, deepest, within(told, 1.0 / (1 + len(how.rounds)), 1.0))
     return settled(loose, refs.triangle, refs.box.reshape(-1, 2, 3), costs)
 
 

@@ -10,11 +10,13 @@ import numpy.typing as npt
 from renderer.build.tree import MAX_DEPTH, Bvh, Tree, WideBvh
 from renderer.pack.baked import bake
 from renderer.pack.nodes import PackedNodes, pack_nodes
-from renderer.pack.primitives import PackedPrimitives, face_normals, pack_primitives
+from renderer.pack.primitives import Corners, PackedPrimitives, face_normals, pack_primitives
 from renderer.pack.schema import NODE_LAYOUTS
 from renderer.request import Request
 from renderer.variant import TRAVERSALS
 from scenes.scene import Scene
+
+Ints = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +40,16 @@ class Packed:
 
 def pack(scene: Scene, tree: Tree | None, request: Request) -> Packed:
     """Lay out what the request's traversal, layout and shading read."""
-    corner_normals = _corner_normals(scene, request)
+    normals = _normals(scene, request)
     walked = _as_walked(tree, request)
     order = walked.order if isinstance(walked, Bvh | WideBvh) else None
-    primitives = _primitives(scene, corner_normals, order, request)
+    primitives = _primitives(scene, normals, order, request)
     if walked is None:
-        return Packed(None, primitives, corner_normals is not None)
+        return Packed(None, primitives, normals is not None)
     nodes = pack_nodes(walked, TRAVERSALS[request.variant.traversal].nodes, request.variant.nodes)
     if isinstance(walked, WideBvh):
-        return Packed(nodes, primitives, corner_normals is not None, walked.waiting, (walked.width - 1) * MAX_DEPTH)
-    return Packed(nodes, primitives, corner_normals is not None, walked.depth)
+        return Packed(nodes, primitives, normals is not None, walked.waiting, (walked.width - 1) * MAX_DEPTH)
+    return Packed(nodes, primitives, normals is not None, walked.depth)
 
 
 def _as_walked(tree: Tree | None, request: Request) -> Tree | WideBvh | None:
@@ -62,22 +64,19 @@ def _as_walked(tree: Tree | None, request: Request) -> Tree | WideBvh | None:
     return collapse(tree, request.costs)
 
 
-def _primitives(
-    scene: Scene, corner_normals: npt.NDArray[np.float32] | None, order: npt.NDArray[np.int32] | None, request: Request
-) -> PackedPrimitives:
-    packed = pack_primitives(scene.triangles, corner_normals, order, request.variant.layout)
+def _primitives(scene: Scene, normals: Corners | None, order: Ints | None, request: Request) -> PackedPrimitives:
+    packed = pack_primitives(Corners(scene.vertices, scene.faces), normals, order, request.variant.layout)
     if request.variant.intersector != "baked":
         return packed
     return replace(packed, baked=bake(scene.triangles, order))
 
 
-def _corner_normals(scene: Scene, request: Request) -> npt.NDArray[np.float32] | None:
+def _normals(scene: Scene, request: Request) -> Corners | None:
     """Normals for the primitive buffers: in the general form always, else if the rays' shading reads them."""
-    if not request.specialise:
-        if scene.normals is None:
-            flat = face_normals(scene.triangles).astype(np.float32)
-            return np.repeat(flat[:, None], 3, axis=1)
-        return scene.normals[scene.faces]
-    if scene.normals is None or request.variant.method == "hybrid":
+    if scene.normals is not None:
+        unread = request.specialise and request.variant.method == "hybrid"
+        return None if unread else Corners(scene.normals, scene.faces)
+    if request.specialise:
         return None
-    return scene.normals[scene.faces]
+    flat = face_normals(scene.triangles).astype(np.float32)
+    return Corners(flat, np.broadcast_to(np.arange(len(flat), dtype=np.int32)[:, None], (len(flat), 3)))

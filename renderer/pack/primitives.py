@@ -11,6 +11,8 @@ Words = npt.NDArray[np.uint32]
 Floats = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int32]
 
+_BLOCK = 1 << 14  # triangles laid out at once: what a million gather takes longer to be given memory than to be copied
+
 
 @dataclass(frozen=True, eq=False)
 class PackedPrimitives:
@@ -26,36 +28,39 @@ class PackedPrimitives:
         return sum(words.nbytes for words in (self.vertices, self.normals, self.baked) if words is not None)
 
 
-def pack_primitives(
-    triangles: Floats, corner_normals: Floats | None, order: Ints | None, layout: str
-) -> PackedPrimitives:
-    """Lay triangles (m, 3, 3) and their corners' normals (m, 3, 3) out in `order` (slot -> triangle).
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """What triangles' corners have, places or normals: those of triangle t are `values[rows[t]]` of `values` (n, 3)."""
+
+    values: Floats
+    rows: Ints
+
+
+def pack_primitives(places: Corners, normals: Corners | None, order: Ints | None, layout: str) -> PackedPrimitives:
+    """Lay triangles and their corners' normals out in `order` (slot -> triangle).
 
     Without normals every layout is the same three padded vertices. The scene's triangle id lies in padding.
     """
-    ids = np.arange(len(triangles), dtype=np.int32) if order is None else order
-    compact = layout == "compact"
-    rows = 3 if corner_normals is None or layout == "split" else 5 if compact else 6
-    words = np.zeros((len(ids), rows, 4), np.uint32)
-    corners = triangles.reshape(-1, 9) if order is None else np.take(triangles.reshape(-1, 9), ids, axis=0)
-    # -0.0 becomes 0.0, as in `unsigned_zeros`.
-    np.add(corners.reshape(-1, 3, 3), np.float32(0.0), out=words.view(np.float32)[:, :3, :3])
-    id_words = ids.astype(np.uint32)
-    if corner_normals is None:
-        words[:, 0, 3] = id_words
-        return PackedPrimitives(words.ravel(), None)
-    own = _bits(corner_normals if order is None else np.take(corner_normals.reshape(-1, 9), ids, axis=0))
-    normals = own.reshape(-1, 3, 3)
-    if compact:
-        words[:, :3, 3], words[:, 3:, :3], words[:, 3, 3] = normals[:, 0], normals[:, 1:], id_words
-        return PackedPrimitives(words.ravel(), None)
-    words[:, 0, 3] = id_words
-    if layout == "split":
-        apart = np.zeros((len(ids), 3, 4), np.uint32)
-        apart[:, :, :3] = normals
-        return PackedPrimitives(words.ravel(), apart.ravel())
-    words[:, 3:, :3] = normals
-    return PackedPrimitives(words.ravel(), None)
+    ids = np.arange(len(places.rows), dtype=np.int32) if order is None else order
+    inside = normals is not None and layout != "split"
+    words = np.zeros((len(ids), 3 if not inside else 5 if layout == "compact" else 6, 4), np.uint32)
+    apart = None if normals is None or inside else np.zeros((len(ids), 3, 4), np.uint32)
+    for begin in range(0, len(ids), _BLOCK):
+        block = slice(begin, begin + _BLOCK)
+        own, own_ids = words[block], ids[block]
+        # -0.0 becomes 0.0, as in `unsigned_zeros`.
+        own.view(np.float32)[:, :3, :3] = places.values[places.rows[own_ids]] + np.float32(0.0)
+        own[:, 3 if inside and layout == "compact" else 0, 3] = own_ids
+        if normals is None:
+            continue
+        shading = normals.values[normals.rows[own_ids]].view(np.uint32)
+        if apart is not None:
+            apart[block, :, :3] = shading
+        elif layout == "compact":
+            own[:, :3, 3], own[:, 3:, :3] = shading[:, 0], shading[:, 1:]
+        else:
+            own[:, 3:, :3] = shading
+    return PackedPrimitives(words.ravel(), None if apart is None else apart.ravel())
 
 
 def pack_raster(triangles: Floats, corner_normals: Floats | None) -> Words:

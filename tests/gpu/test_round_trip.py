@@ -17,12 +17,13 @@ from renderer.glsl import flatten
 from renderer.pack.fetch import reader
 from renderer.pack.grid import CELLS, grid_over
 from renderer.pack.nodes import pack_nodes
-from renderer.pack.primitives import pack_primitives
+from renderer.pack.primitives import Corners, pack_primitives
 from renderer.pack.schema import LEAF, NODE_LAYOUTS, Field, NodeLayout, glsl
 
 Words = npt.NDArray[np.uint32]
 
 NODES = 999
+TRIANGLES = 20_000  # more than are laid out at once
 SEED = 41
 EVERY = [
     (name, node_format)
@@ -255,15 +256,17 @@ def test_every_entry_of_a_kd_tree_s_list_is_read_back(name: str) -> None:
 @pytest.mark.parametrize("layout", ["bare", "normal", "compact", "split"])
 def test_every_vertex_normal_and_id_is_read_back(layout: str) -> None:
     rng = np.random.default_rng(SEED)
-    triangles = random_floats(rng, 777, 3, 3)
-    normals = None if layout == "bare" else random_floats(rng, 777, 3, 3)
-    order = rng.permutation(777).astype(np.int32)
-    packed = pack_primitives(triangles, normals, order, "normal" if layout == "bare" else layout)
+    places, normals = (
+        Corners(random_floats(rng, 500, 3), rng.integers(0, 500, (TRIANGLES, 3)).astype(np.int32)) for _ in range(2)
+    )
+    shading = None if layout == "bare" else normals
+    order = rng.permutation(TRIANGLES).astype(np.int32)
+    packed = pack_primitives(places, shading, order, "normal" if layout == "bare" else layout)
     statements = ["vec3 a, b, c;", "uint id;", "fetch_triangle(i, a, b, c, id);", "found[i * 19u + 18u] = id;"]
     statements += [
         f"found[i * 19u + {3 * k + j}u] = floatBitsToUint({'abc'[k]}[{j}]);" for k in range(3) for j in range(3)
     ]
-    if normals is not None:
+    if shading is not None:
         statements.append("fetch_normals(i, a, b, c);")
         statements += [
             f"found[i * 19u + {9 + 3 * k + j}u] = floatBitsToUint({'abc'[k]}[{j}]);" for k in range(3) for j in range(3)
@@ -274,8 +277,8 @@ def test_every_vertex_normal_and_id_is_read_back(layout: str) -> None:
         buffers[2] = packed.normals
     parts = [reader(name, "storage") for name in ("primitives", "normals")]
     text = shader({}, [*parts, f"layout_{layout}.glsl"], 3, statements)
-    found = device_reads(text, buffers, 777, 19)
-    np.testing.assert_array_equal(found[:, :9], bits(triangles[order]).reshape(-1, 9))
+    found = device_reads(text, buffers, TRIANGLES, 19)
+    np.testing.assert_array_equal(found[:, :9], bits(places.values[places.rows[order]]).reshape(-1, 9))
     np.testing.assert_array_equal(found[:, 18], order)
-    if normals is not None:
-        np.testing.assert_array_equal(found[:, 9:18], bits(normals[order]).reshape(-1, 9))
+    if shading is not None:
+        np.testing.assert_array_equal(found[:, 9:18], bits(normals.values[normals.rows[order]]).reshape(-1, 9))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from renderer.build.bvh import build_bvh
@@ -12,12 +13,16 @@ from renderer.build.tree import Bvh, Kd, SahCosts
 from renderer.pack.grid import grid_over
 from renderer.pack.nodes import PackError, pack_nodes
 from renderer.pack.paths import path_table
-from renderer.pack.primitives import face_normals, octahedral, pack_primitives, pack_raster
+from renderer.pack.primitives import Corners, face_normals, octahedral, pack_primitives, pack_raster
 from renderer.pack.schema import NODE_LAYOUTS, NodeLayout
 
 RNG = np.random.default_rng(61)
 TRIANGLES = RNG.random((50, 3, 3)).astype(np.float32)
 NORMALS = RNG.standard_normal((50, 3, 3)).astype(np.float32)
+
+
+def corners(values: npt.NDArray[np.float32]) -> Corners:
+    return Corners(values.reshape(-1, 3), np.arange(3 * len(values), dtype=np.int32).reshape(-1, 3))
 
 
 def bvh() -> Bvh:
@@ -159,14 +164,14 @@ def test_a_leaf_that_does_not_fit_is_refused(change: dict[str, int], sentence: s
 
 @pytest.mark.parametrize(("layout", "vec4s"), [("normal", 6), ("compact", 5), ("split", 6)])
 def test_a_triangle_takes_what_the_paper_says(layout: str, vec4s: int) -> None:
-    packed = pack_primitives(TRIANGLES, NORMALS, None, layout)
+    packed = pack_primitives(corners(TRIANGLES), corners(NORMALS), None, layout)
     assert packed.nbytes == len(TRIANGLES) * vec4s * 16
     assert (packed.normals is not None) == (layout == "split")
 
 
 @pytest.mark.parametrize("layout", ["normal", "compact", "split"])
 def test_without_normals_every_layout_is_the_same(layout: str) -> None:
-    packed = pack_primitives(TRIANGLES, None, np.arange(50, dtype=np.int32)[::-1], layout)
+    packed = pack_primitives(corners(TRIANGLES), None, np.arange(50, dtype=np.int32)[::-1], layout)
     assert packed.normals is None
     words = packed.vertices.reshape(50, 3, 4)
     np.testing.assert_array_equal(words[:, :, :3].view(np.float32), TRIANGLES[::-1])
