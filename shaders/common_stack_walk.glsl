@@ -1,4 +1,4 @@
-#include "common_root.glsl"
+#include "common_enter.glsl"
 
 // The octant by which near and far children are told apart.
 #ifndef STACK_OCTANT
@@ -14,7 +14,6 @@ void trace(const bool any_hit) {
     uint root;
     bool entered = enters_root(root);
     uint octant = STACK_OCTANT(any_hit);
-    vec3 lower, upper;
     float entry;
     stack_wait(0, STACK_END, 0.0);
     int top = 0;  // where the next popped link lies
@@ -22,15 +21,11 @@ void trace(const bool any_hit) {
     do {
         if (node_axis(link) != LEAF) {
             do {
-                COUNT_NODE(NODE_WORDS);
-                COUNT_NODE(NODE_WORDS);
                 COUNT_VISIT(true, 0u);
                 uint child = node_child(link) + ((octant >> node_axis(link)) & 1u);
                 uint near, far;
-                fetch_node(child, lower, upper, near);
-                bool near_hit = box_hit(lower, upper, entry);
-                fetch_node(child ^ 1u, lower, upper, far);
-                bool far_hit = box_hit(lower, upper, entry);
+                bool near_hit = enters(child, entry, near);
+                bool far_hit = enters(child ^ 1u, entry, far);
                 uint popped = stack[top];
                 stack_wait(top + 1, far, entry);
                 link = near_hit ? near : far_hit ? far : popped;

@@ -1,6 +1,6 @@
+#include "common_enter.glsl"
 #include "common_leaf.glsl"
 #include "common_path.glsl"
-#include "common_root.glsl"
 
 // Backtracking in constant time (Binder and Keller 2016): a trail of one bit a level says where a far child waits, the
 // lowest bit for the level of the walk, and a table finds that level's children by the path that leads to them
@@ -11,7 +11,6 @@ void trace(const bool any_hit) {
         return;
     }
     bool done;
-    vec3 lower, upper;
     float entry;
     uint link = root;
     uint side = 1u;
@@ -19,17 +18,13 @@ void trace(const bool any_hit) {
     do {
         if (node_axis(link) != LEAF) {
             do {
-                COUNT_NODE(NODE_WORDS);
-                COUNT_NODE(NODE_WORDS);
                 COUNT_VISIT(true, 0u);
                 path_descend(side);
                 uint near_side = (slab_octant >> node_axis(link)) & 1u;
                 uint child = node_child(link) + near_side;
                 uint near, far;
-                fetch_node(child, lower, upper, near);
-                bool near_hit = box_hit(lower, upper, entry);
-                fetch_node(child ^ 1u, lower, upper, far);
-                bool far_hit = box_hit(lower, upper, entry);
+                bool near_hit = enters(child, entry, near);
+                bool far_hit = enters(child ^ 1u, entry, far);
                 path_mark(near_hit && far_hit);
                 side = near_hit ? near_side : near_side ^ 1u;
                 link = near_hit ? near : far_hit ? far : 0u;

@@ -1,5 +1,5 @@
+#include "common_enter.glsl"
 #include "common_leaf.glsl"
-#include "common_root.glsl"
 #include "common_trail.glsl"
 
 // Laine 2010: a restart trail, and a short stack of far children that spares most restarts (Vaidyanathan et al. 2019). A
@@ -8,7 +8,6 @@
 void trace(const bool any_hit) {
     uint root;
     bool done = !enters_root(root);
-    vec3 lower, upper;
 
     trail_clear();
     uint stack[SHORT_STACK];
@@ -21,15 +20,11 @@ void trace(const bool any_hit) {
         bool popping = false;
         bool walking = node_axis(link) != LEAF;
         while (walking) {
-            COUNT_NODE(NODE_WORDS);
-            COUNT_NODE(NODE_WORDS);
             uint child = node_child(link);
             uint left, right;
             float left_entry, right_entry;
-            fetch_node(child, lower, upper, left);
-            bool left_hit = box_hit(lower, upper, left_entry);
-            fetch_node(child + 1u, lower, upper, right);
-            bool right_hit = box_hit(lower, upper, right_entry);
+            bool left_hit = enters(child, left_entry, left);
+            bool right_hit = enters(child + 1u, right_entry, right);
             bool both = left_hit && right_hit;
             bool second = trail_test(level);
             bool go_right = both ? (right_entry < left_entry) != second : right_hit;
