@@ -1,15 +1,22 @@
-"""A headless Chromium for tests of pages."""
+"""A headless Chromium for tests of pages, and what these ask of it."""
 
 from __future__ import annotations
 
+import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, cast
+from urllib.parse import urlsplit
 
 import pytest
+from httpx import URL
+from selenium.common.exceptions import WebDriverException
 from selenium.webdriver import Chrome, ChromeOptions
 from selenium.webdriver.chrome.service import Service as Driver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import Select, WebDriverWait
 
 SWITCHES = (
     "--headless=new",
@@ -39,3 +46,60 @@ def running_browser(folder: Path, scripts: bool = True) -> Iterator[Chrome]:
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     with Chrome(options=options, service=Driver(driver)) as chrome:
         yield chrome
+
+
+@pytest.fixture(scope="module")
+def module_browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
+    """One browser for a module's tests, where the module says `browser = module_browser`."""
+    with running_browser(tmp_path_factory.mktemp("chromium")) as chrome:
+        yield chrome
+
+
+def until(browser: Chrome, condition: Callable[[], object], seconds: float = 30) -> None:
+    # A page that loads itself anew leaves what was found in it behind; chromedriver has several errors for that.
+    WebDriverWait(browser, seconds, ignored_exceptions=[WebDriverException]).until(lambda _: condition())
+
+
+def wait_for_chart(browser: Chrome) -> None:
+    until(browser, lambda: browser.find_element(By.ID, "chart").get_attribute("data-drawn") == "yes")
+
+
+def choose(browser: Chrome, name: str, value: str) -> None:
+    """Choose from a list whose change leads to another address."""
+    before = browser.current_url
+    Select(browser.find_element(By.NAME, name)).select_by_value(value)
+    until(browser, lambda: browser.current_url != before)
+
+
+def text(browser: Chrome, name: str) -> str:
+    """What the element of an id shows, found and read in one document, though the page may load itself anew."""
+    read = "const it = document.getElementById(arguments[0]); return it.checkVisibility() ? it.innerText : ''"
+    return str(browser.execute_script(read, name)).strip()
+
+
+def log(browser: Chrome, kind: str) -> list[dict[str, Any]]:
+    """What was logged since the last look."""
+    entries: list[dict[str, Any]] = cast(Any, browser).get_log(kind)
+    return entries
+
+
+def requested(browser: Chrome) -> list[str]:
+    """The addresses asked for since the last look."""
+    messages = [json.loads(entry["message"])["message"] for entry in log(browser, "performance")]
+    return [m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"]
+
+
+def wrong(browser: Chrome) -> list[str]:
+    return [entry["message"] for entry in log(browser, "browser") if entry["level"] in ("SEVERE", "WARNING")]
+
+
+@contextmanager
+def watched(browser: Chrome, base_url: URL) -> Iterator[Chrome]:
+    """While it lasts nothing is logged as wrong, and of all hosts `base_url`'s alone is asked."""
+    browser.get("about:blank")  # What was open before still asks its own host.
+    log(browser, "performance")
+    log(browser, "browser")
+    yield browser
+    hosts = {urlsplit(url).netloc for url in requested(browser) if url.startswith(("http:", "https:", "ws"))}
+    found = wrong(browser), hosts
+    assert found == ([], {urlsplit(str(base_url)).netloc}), found

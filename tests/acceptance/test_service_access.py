@@ -13,13 +13,13 @@ from unittest.mock import Mock
 
 import httpx
 import pytest
-from browsing import running_browser
+from browsing import running_browser, until
 from fastapi import FastAPI
 from fastapi.routing import APIRoute
 from prometheus_client.parser import text_string_to_metric_families
 from pydantic import SecretStr
 from selenium.webdriver.common.by import By
-from service_fakes import Service, running_service, wait_for
+from service_fakes import Service, running_service
 from sqlalchemy import select, update
 from typer.testing import CliRunner
 
@@ -244,14 +244,14 @@ def test_a_page_leads_to_the_login_and_back(
         assert chrome.current_url == f"{base}/login?next=%2Fdevices%3Fx%3D1"
         chrome.find_element(By.NAME, "token").send_keys("no token")
         chrome.find_element(By.CSS_SELECTOR, "main button").click()
-        wait_for(lambda: "unknown" in chrome.page_source)
+        until(chrome, lambda: "unknown" in chrome.page_source)
         chrome.find_element(By.NAME, "token").send_keys(texts["worker"])
         chrome.find_element(By.CSS_SELECTOR, "main button").click()
-        wait_for(lambda: chrome.current_url == f"{base}/devices?x=1")
+        until(chrome, lambda: chrome.current_url == f"{base}/devices?x=1")
         assert chrome.execute_script("return document.cookie") == ""
         chrome.save_screenshot(str(service.folder / "devices.png"))
         chrome.find_element(By.XPATH, "//button[.='Log out']").click()
-        wait_for(lambda: chrome.current_url == f"{base}/login")
+        until(chrome, lambda: chrome.current_url == f"{base}/login")
         chrome.get(f"{base}/devices")
         assert "/login" in chrome.current_url
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browsing import running_browser
-from service_fakes import Service, running_service, wait_for
+from browsing import running_browser, until
+from service_fakes import Service, running_service
 from sqlalchemy import update
 
 from server.access import stays, tokens
@@ -54,10 +54,10 @@ def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def rest(messages: Iterator[Message]) -> list[Message]:
     """The messages until the stream ends, which it must do soon."""
-    until, seen = time.monotonic() + SOON_S, []
+    deadline, seen = time.monotonic() + SOON_S, []
     for message in messages:
         seen.append(message)
-        assert time.monotonic() < until, "the stream goes on"
+        assert time.monotonic() < deadline, "the stream goes on"
     return seen
 
 
@@ -156,4 +156,4 @@ def test_an_open_page_leads_to_the_login(service: Service, tmp_path: Path) -> No
         chrome.get(f"{base}/jobs/{job}")
         assert chrome.current_url == f"{base}/jobs/{job}"
         end(service, text, "revoked")
-        wait_for(lambda: chrome.current_url == f"{base}/login?next=%2Fjobs%2F{job}")
+        until(chrome, lambda: chrome.current_url == f"{base}/login?next=%2Fjobs%2F{job}")

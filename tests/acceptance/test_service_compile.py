@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import pytest
-from browsing import running_browser
+from browsing import running_browser, until, watched
 from selenium.webdriver.common.by import By
-from selenium.webdriver.support.ui import WebDriverWait
 from service_fakes import Service, document, running_service, wait_for
 
 from renderer.bench import combine
@@ -139,7 +138,7 @@ def test_what_cannot_be_compiled_is_refused(service: Service) -> None:
 
 
 def test_pages_show_estimates_beside_what_a_phone_measured(service: Service, tmp_path: Path) -> None:
-    with running_browser(tmp_path) as browser:
+    with running_browser(tmp_path) as browser, watched(browser, service.client.base_url):
         for path, words in (
             (
                 "compile",
@@ -156,9 +155,7 @@ def test_pages_show_estimates_beside_what_a_phone_measured(service: Service, tmp
             assert browser.execute_script(ASTRAY) == []
         browser.get(f"{service.client.base_url}/compile")
         browser.find_element(By.CSS_SELECTOR, "#compile button").click()
-        WebDriverWait(browser, 10).until(lambda page: "/studies/" in page.current_url)
-        log = cast(Any, browser).get_log("browser")
-        assert [line for line in log if line["level"] == "SEVERE"] == []
+        until(browser, lambda: "/studies/" in browser.current_url)
     study = service.get("studies/1")
     assert study["slices"]["total"] == 1
     assert service.get("jobs?study=1")["jobs"][0]["variant"] == "bvh-stack fragment normal"

@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from browsing import running_browser
+from browsing import module_browser, until
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
-from selenium.webdriver.support.ui import WebDriverWait
 from service_fakes import Service, document, running_service
 
 from renderer.request import Request
@@ -21,6 +20,7 @@ HOSTILE = '<b onmouseover="alert(1)">phone</b> & co'
 ROUNDS = 10
 ANSWERS = {"bvh-stack": "aa", "kd-backtrack": "aa", "bvh-parent-link": "bb"}
 TIMES = {"bvh-stack": 10.0, "kd-backtrack": 12.0, "bvh-parent-link": 10.0}
+browser = module_browser
 
 
 def add(
@@ -52,12 +52,6 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
         for _ in range(4):
             add(running, same, "cornell-box", "bvh-stack")
         yield running
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
-    with running_browser(tmp_path_factory.mktemp("chromium")) as chrome:
-        yield chrome
 
 
 def go(browser: Chrome, service: Service, **params: str) -> str:
@@ -111,7 +105,7 @@ def test_the_form_makes_the_address_and_the_address_the_form(browser: Chrome, se
         field.clear()
         field.send_keys(value)
     browser.find_element(By.CSS_SELECTOR, "#sides button").click()
-    WebDriverWait(browser, 10).until(lambda b: "threshold=50" in b.current_url)
+    until(browser, lambda: "threshold=50" in browser.current_url)
     assert browser.find_element(By.NAME, "against").get_attribute("value") == "study:1,traversal=kd-backtrack"
     before = rows(browser)
     assert before

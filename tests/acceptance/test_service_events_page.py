@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
 
 import pytest
-from browsing import running_browser
+from browsing import module_browser, requested, running_browser, text, until
 from event_service import EventService, running_events, wait_until
-from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
-from selenium.webdriver.support.ui import WebDriverWait
 
 HOSTILE = '<img src=x onerror="alert(1)"> & <b>bold</b>'
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
-    with running_browser(tmp_path_factory.mktemp("chromium")) as chrome:
-        yield chrome
+browser = module_browser
 
 
 @pytest.fixture
@@ -40,9 +31,8 @@ def test_a_studys_page_shows_what_happens(service: EventService, browser: Chrome
     assert browser.execute_script("return window.mark") == "kept"  # It was not loaded anew.
     assert row(browser, second) == ("queued", "")
     service.change(second, "done")
-    until(browser, lambda: text(browser, "state") == "done")
     until(browser, lambda: browser.execute_script("return window.mark") is None)
-    assert text(browser, "slices") == "4 of 4 slices"
+    until(browser, lambda: (text(browser, "state"), text(browser, "slices")) == ("done", "4 of 4 slices"))
     streams = [url for url in requested(browser) if "/events" in url]
     assert streams == [f"{service.base}/api/v1/studies/1/events?after=2"]
     wait_until(lambda: not service.feed.is_polling)
@@ -67,7 +57,6 @@ def test_a_jobs_page_goes_on_after_a_restart(service: EventService, browser: Chr
 def test_a_page_of_the_past_listens_to_nothing(service: EventService, browser: Chrome) -> None:
     (job,) = service.add()
     service.change(job, "done")
-    requested(browser)
     open_page(browser, f"{service.base}/jobs/{job}")
     assert text(browser, "state") == "done"
     assert [url for url in requested(browser) if "/events" in url] == []
@@ -84,26 +73,12 @@ def test_without_scripts_the_page_loads_itself(service: EventService, tmp_path: 
 
 
 def open_page(browser: Chrome, url: str) -> None:
+    browser.get("about:blank")  # The page of the test before still asks its own service.
     requested(browser)
     browser.get(url)
     browser.execute_script("window.mark = 'kept'")
 
 
-def text(browser: Chrome, name: str) -> str:
-    return str(browser.find_element(By.ID, name).text)
-
-
 def row(browser: Chrome, job: int) -> tuple[str, str]:
     found = browser.find_element(By.CSS_SELECTOR, f"tr[data-job='{job}']")
     return found.find_element(By.CLASS_NAME, "state").text, found.find_element(By.CLASS_NAME, "reason").text
-
-
-def until(browser: Chrome, condition: Callable[[], Any]) -> None:
-    # A page that loads anew leaves the elements that were just found behind.
-    WebDriverWait(browser, 30, ignored_exceptions=[StaleElementReferenceException]).until(lambda _: condition())
-
-
-def requested(browser: Chrome) -> list[str]:
-    entries = cast(Any, browser).get_log("performance")
-    messages = [json.loads(entry["message"])["message"] for entry in entries]
-    return [m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"]

@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import pytest
-from browsing import running_browser
+from browsing import log, module_browser, until, wrong
 from hard_case_documents import DEVICE, FAMILIES, study
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
-from selenium.webdriver.support.ui import Select, WebDriverWait
+from selenium.webdriver.support.ui import Select
 from service_fakes import Service, running_service
 from typer.testing import CliRunner
 
@@ -23,12 +23,7 @@ from server.cli.common import Client, ClientError
 
 HOSTILE = '<script>document.title="taken"</script>'
 Json = dict[str, Any]
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
-    with running_browser(tmp_path_factory.mktemp("chromium")) as chrome:
-        yield chrome
+browser = module_browser
 
 
 @pytest.fixture(scope="module")
@@ -43,11 +38,10 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 @pytest.fixture
 def page(browser: Chrome) -> Iterator[Chrome]:
-    cast(Any, browser).get_log("browser")
+    log(browser, "browser")
     yield browser
-    wrong = [e for e in cast(Any, browser).get_log("browser") if e["level"] in ("SEVERE", "WARNING")]
     browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-    assert wrong == []
+    assert wrong(browser) == []
     assert browser.title != "taken"
 
 
@@ -62,10 +56,10 @@ def test_a_run_is_found_filtered_and_looked_into(page: Chrome, service: Service)
     assert [row.text for row in rows] == list(FAMILIES)
     assert "630–636 holes" in page.find_element(By.CSS_SELECTOR, ".matrix").text
     page.find_element(By.CSS_SELECTOR, "input[name=traversal][value=bvh-stack]").click()
-    WebDriverWait(page, 10).until(lambda p: "traversal=bvh-stack" in p.current_url)
+    until(page, lambda: "traversal=bvh-stack" in page.current_url)
     assert "630 holes" in page.find_element(By.CSS_SELECTOR, ".matrix").text
     Select(page.find_element(By.NAME, "cols")).select_by_value("box")
-    WebDriverWait(page, 10).until(lambda p: "cols=box" in p.current_url)
+    until(page, lambda: "cols=box" in page.current_url)
     assert "traversal=bvh-stack" in page.current_url, "the address has all of the state"
     assert len(page.find_elements(By.CSS_SELECTOR, ".matrix thead th")) == 3
     page.find_element(By.LINK_TEXT, "pbrt-vertices").click()
@@ -78,7 +72,7 @@ def test_a_run_is_found_filtered_and_looked_into(page: Chrome, service: Service)
 def test_two_runs_are_held_against_each_other(page: Chrome, service: Service) -> None:
     page.get(f"{service.client.base_url}/hard-cases")
     page.find_element(By.XPATH, "//button[text()='Compare']").click()
-    WebDriverWait(page, 10).until(lambda p: "/difference" in p.current_url)
+    until(page, lambda: "/difference" in page.current_url)
     text = page.find_element(By.TAG_NAME, "main").text
     for words in ("20 cells answer alike, 1 otherwise", "seed: 5 → 6", "NaN 0 → 3", "more broken"):
         assert words in text

@@ -5,21 +5,17 @@ from __future__ import annotations
 import asyncio
 import csv
 import io
-import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, cast
-from urllib.parse import urlsplit
 
 import pytest
-from browsing import running_browser
+from browsing import log, module_browser, text, until, wait_for_chart, watched
 from job_documents import FRAMES, ROUNDS, add_measured, document_of, request_of
-from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
-from selenium.webdriver.support.ui import WebDriverWait
 from service_fakes import Service, running_service
 from trace_rules import assert_rules, spans
 
@@ -29,12 +25,7 @@ from server.store.records import Order, add_jobs, add_result, change_state
 FIXTURES = Path(__file__).parents[1] / "fixtures" / "profiles"
 HOSTILE = '<img src=x onerror="alert(1)"> & <b>"bold"</b>'
 NAMELESS = "button, input, select, textarea, a, summary"
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
-    with running_browser(tmp_path_factory.mktemp("chromium")) as chrome:
-        yield chrome
+browser = module_browser
 
 
 @pytest.fixture(scope="module")
@@ -60,27 +51,12 @@ def phone(service: Service) -> int:
 @pytest.fixture
 def page(browser: Chrome, service: Service) -> Iterator[Chrome]:
     """The browser; afterwards nothing was refused, logged, popped up or fetched elsewhere."""
-    _log(browser, "performance")
-    _log(browser, "browser")
-    yield browser
-    assert [entry["message"] for entry in _log(browser, "browser") if entry["level"] in ("SEVERE", "WARNING")] == []
-    messages = [json.loads(entry["message"])["message"] for entry in _log(browser, "performance")]
-    urls = [m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"]
-    hosts = {urlsplit(url).netloc for url in urls if url.startswith(("http:", "https:", "ws"))}
-    assert hosts == {urlsplit(str(service.client.base_url)).netloc}
+    with watched(browser, service.client.base_url):
+        yield browser
 
 
 def open_job(page: Chrome, service: Service, job: int) -> None:
     page.get(f"{service.client.base_url}/jobs/{job}")
-
-
-def until(page: Chrome, condition: Callable[[], Any]) -> None:
-    # A page that loads anew leaves the elements that were just found behind.
-    WebDriverWait(page, 30, ignored_exceptions=[StaleElementReferenceException]).until(lambda _: condition())
-
-
-def wait_for_chart(page: Chrome) -> None:
-    until(page, lambda: page.find_element(By.ID, "chart").get_attribute("data-drawn") == "yes")
 
 
 def main_text(page: Chrome) -> str:
@@ -236,7 +212,7 @@ def test_a_refused_file_is_answered_with_one_sentence(page: Chrome, service: Ser
     assert page.find_element(By.CSS_SELECTOR, "#import button").is_enabled()
     assert service.get(f"jobs/{phone}/profiles") == before
     # The browser logs the refused request itself.
-    assert [e["message"] for e in _log(page, "browser") if "422" not in e["message"]] == []
+    assert [e["message"] for e in log(page, "browser") if "422" not in e["message"]] == []
 
 
 def test_a_file_that_is_too_large_is_not_sent(page: Chrome, service: Service, phone: int, tmp_path: Path) -> None:
@@ -328,8 +304,8 @@ def test_an_idle_job_says_what_it_waits_for(page: Chrome, service: Service) -> N
         assert f"Now running there: job {first}." in main_text(page)
         for job in (second, first, away):
             service.client.post(f"/api/v1/jobs/{job}/cancel")
-        until(page, lambda: page.find_element(By.ID, "state").text == "cancelled")
-        assert page.find_elements(By.ID, "wait") == []
+        until(page, lambda: text(page, "state") == "cancelled")
+        until(page, lambda: page.find_elements(By.ID, "wait") == [])
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -381,8 +357,3 @@ async def _never(held: Any, say: Any) -> dict[str, Any]:
     await say("running")
     await asyncio.sleep(60)
     return {}
-
-
-def _log(browser: Chrome, kind: str) -> list[dict[str, Any]]:
-    entries: list[dict[str, Any]] = cast(Any, browser).get_log(kind)
-    return entries

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from browsing import running_browser
+from browsing import choose, log, module_browser, text, until, wait_for_chart, watched
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
-from selenium.webdriver.support.ui import Select, WebDriverWait
+from selenium.webdriver.support.ui import Select
 from service_fakes import SPEEDS, Service, document, running_service
 
 from renderer.request import Request
@@ -24,6 +23,7 @@ from server.store.records import Order, add_jobs, add_result
 HOSTILE = '<script>alert(1)</script><img src=x onerror="alert(2)"> & "quoted" \'names\''
 ROUNDS = 10
 PAPER = ("bvh-parent-link", "bvh-restart-trail", "kd-push-down", "kd-backtrack")
+browser = module_browser
 
 
 def measured(request: Request, measurements: list[dict[str, Any]], device: str = "llvmpipe") -> dict[str, Any]:
@@ -31,12 +31,6 @@ def measured(request: Request, measurements: list[dict[str, Any]], device: str =
     speed = SPEEDS[request.variant.traversal]
     frames = [10 / speed * (1 + 0.002 * i) for i in range(ROUNDS) for _ in range(2)]
     return document(request, speed, device) | {"frames_ms": frames, "frames_by_round": [2] * ROUNDS}
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
-    with running_browser(tmp_path_factory.mktemp("chromium")) as chrome:
-        yield chrome
 
 
 @pytest.fixture(scope="module")
@@ -58,14 +52,9 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 @pytest.fixture
 def page(browser: Chrome, service: Service) -> Iterator[Chrome]:
     """The browser on the comparison page; afterwards nothing was refused, logged, popped up or fetched elsewhere."""
-    _log(browser, "performance")
-    _log(browser, "browser")
-    browser.get(str(service.client.base_url))
-    yield browser
-    problems = [entry for entry in _log(browser, "browser") if entry["level"] in ("SEVERE", "WARNING")]
-    assert problems == []
-    hosts = {urlsplit(url).netloc for url in _requested(browser) if url.startswith(("http:", "https:", "ws"))}
-    assert hosts == {urlsplit(str(service.client.base_url)).netloc}
+    with watched(browser, service.client.base_url):
+        browser.get(str(service.client.base_url))
+        yield browser
 
 
 def test_the_table_has_traversals_by_scenes_with_all_figures(page: Chrome) -> None:
@@ -98,13 +87,13 @@ def test_what_was_not_measured_says_so(page: Chrome) -> None:
 def test_hostile_names_stay_text(page: Chrome) -> None:
     assert HOSTILE in page.find_element(By.TAG_NAME, "main").text
     assert page.find_elements(By.CSS_SELECTOR, "main script, main img") == []
-    _wait_for_chart(page)
+    wait_for_chart(page)
     assert "<script>alert(1)" in str(page.find_element(By.ID, "chart").get_attribute("textContent"))
 
 
 def test_controls_change_the_address_and_the_address_is_the_state(page: Chrome) -> None:
-    _choose(page, "metric", "per_ray_nodes")
-    _choose(page, "sort", "-traversal")
+    choose(page, "metric", "per_ray_nodes")
+    choose(page, "sort", "-traversal")
     query = urlsplit(page.current_url).query
     assert set(query.split("&")) == {"metric=per_ray_nodes", "sort=-traversal"}
     before = _state(page)
@@ -116,7 +105,7 @@ def test_controls_change_the_address_and_the_address_is_the_state(page: Chrome) 
 
 def test_a_column_head_sorts_the_best_first(page: Chrome) -> None:
     _head(page, "cornell-box").click()
-    WebDriverWait(page, 10).until(lambda p: "sort=" in p.current_url)
+    until(page, lambda: "sort=" in page.current_url)
     best_first = sorted(PAPER, key=lambda name: -SPEEDS[name])
     assert _state(page)["rows"] == [*best_first, "bvh-stack"]
     assert _head(page, "cornell-box").find_element(By.XPATH, "..").get_attribute("aria-sort") == "descending"
@@ -125,16 +114,16 @@ def test_a_column_head_sorts_the_best_first(page: Chrome) -> None:
 def test_filters_are_part_of_the_address(page: Chrome) -> None:
     page.find_element(By.CSS_SELECTOR, ".filters summary").click()
     page.find_element(By.CSS_SELECTOR, "input[name=traversal][value=kd-backtrack]").click()
-    WebDriverWait(page, 10).until(lambda p: "traversal=kd-backtrack" in p.current_url)
+    until(page, lambda: "traversal=kd-backtrack" in page.current_url)
     assert _state(page)["rows"] == ["kd-backtrack"]
 
 
 @pytest.mark.parametrize("kind", ["speed", "error", "size", "work", "edge", "ulp"])
 def test_the_chart_is_drawn_and_said_in_words(page: Chrome, kind: str) -> None:
     if kind != "speed":
-        _choose(page, "chart", kind)
+        choose(page, "chart", kind)
         assert f"chart={kind}" in page.current_url
-    _wait_for_chart(page)
+    wait_for_chart(page)
     assert len(page.find_elements(By.CSS_SELECTOR, "#chart .scatterlayer .trace")) >= 2
     assert page.find_elements(By.CSS_SELECTOR, "#chart canvas") == []
     drawn = page.find_elements(By.CSS_SELECTOR, "#chart .scatterlayer .points path")
@@ -148,8 +137,8 @@ def test_the_chart_is_drawn_and_said_in_words(page: Chrome, kind: str) -> None:
 
 
 def test_the_pareto_front_is_the_fastest_of_each_column_where_errors_are_equal(page: Chrome, service: Service) -> None:
-    _choose(page, "chart", "error")
-    _wait_for_chart(page)
+    choose(page, "chart", "error")
+    wait_for_chart(page)
     page.find_element(By.CSS_SELECTOR, "#chart-points summary").click()
     lines = [line.text for line in page.find_elements(By.CSS_SELECTOR, "#chart-points tbody tr")]
     assert [line.split()[1] for line in lines if line.startswith("cornell-box") and "on it" in line] == [PAPER[0]]
@@ -158,7 +147,7 @@ def test_the_pareto_front_is_the_fastest_of_each_column_where_errors_are_equal(p
 
 
 def test_a_baseline_gives_ratios_with_intervals_and_verdicts(page: Chrome) -> None:
-    _choose(page, "baseline", "kd-push-down")
+    choose(page, "baseline", "kd-push-down")
     assert "baseline=kd-push-down" in page.current_url
     faster = _cell(page, "bvh-parent-link", "cornell-box").find_element(By.CLASS_NAME, "ratio").text
     ratio = SPEEDS["bvh-parent-link"] / SPEEDS["kd-push-down"]
@@ -183,7 +172,7 @@ def test_rows_and_columns_take_costs_and_specialisation(page: Chrome, service: S
 
 
 def test_every_export_link_answers(page: Chrome, service: Service) -> None:
-    _choose(page, "baseline", "kd-push-down")
+    choose(page, "baseline", "kd-push-down")
     links = [str(link.get_attribute("href")) for link in page.find_elements(By.CSS_SELECTOR, ".links a")]
     exports = [link for link in links if "/api/" in link]
     assert len(exports) == 7
@@ -219,8 +208,7 @@ def test_pages_fit_a_phone(page: Chrome, service: Service, path: str) -> None:
 
 
 def test_a_newcomer_is_told_what_this_is_and_starts_the_demo(browser: Chrome, tmp_path: Path) -> None:
-    page = browser
-    with running_service(tmp_path) as fresh:
+    with running_service(tmp_path) as fresh, watched(browser, fresh.client.base_url) as page:
         page.get(str(fresh.client.base_url))
         text = page.find_element(By.TAG_NAME, "main").text
         assert "Nothing is measured yet" in text
@@ -229,13 +217,10 @@ def test_a_newcomer_is_told_what_this_is_and_starts_the_demo(browser: Chrome, tm
             "Attach a device",
         ]
         page.find_element(By.ID, "demo").click()
-        WebDriverWait(page, 20).until(lambda p: "/studies/1" in p.current_url)
+        until(page, lambda: "/studies/1" in page.current_url)
         assert fresh.get("studies/1")["name"] == "demo"
         page.get(str(fresh.client.base_url))
         assert page.find_element(By.CSS_SELECTOR, ".lead a").text == "Study 1: demo"
-        problems = [entry for entry in _log(page, "browser") if entry["level"] in ("SEVERE", "WARNING")]
-        page.get("about:blank")
-    assert problems == []
 
 
 def test_other_pages_open(page: Chrome, service: Service) -> None:
@@ -252,28 +237,26 @@ def test_the_form_submits_a_study(page: Chrome, service: Service) -> None:
     button = page.find_element(By.CSS_SELECTOR, "form button")
     page.execute_script("arguments[0].click()", button)
     problem = page.find_element(By.ID, "problem")
-    WebDriverWait(page, 10).until(lambda _: problem.is_displayed())
+    until(page, problem.is_displayed)
     assert "width" in problem.text
     page.find_element(By.NAME, "size").clear()
     page.find_element(By.NAME, "size").send_keys("32")
     page.execute_script("arguments[0].click()", button)
-    WebDriverWait(page, 10).until(lambda p: "/studies/" in p.current_url)
+    until(page, lambda: "/studies/" in page.current_url)
     # The browser logs refused requests itself; the form has what is typed counted, at any moment.
-    assert [e["message"] for e in _log(page, "browser") if "422" not in e["message"]] == []
+    assert [e["message"] for e in log(page, "browser") if "422" not in e["message"]] == []
     assert "queued" in page.find_element(By.TAG_NAME, "main").text
     service.work()
-    WebDriverWait(page, 10).until(lambda p: p.find_element(By.ID, "state").text == "done")
+    until(page, lambda: text(page, "state") == "done")
 
 
 def test_a_job_is_cancelled_from_its_page(service: Service, page: Chrome) -> None:
     job = service.post("jobs", scene="cornell-box", frames=1)
     page.get(f"{service.client.base_url}/jobs/{job['id']}")
     page.find_element(By.CSS_SELECTOR, "[data-cancel]").click()
-    # Asked by a script: what is found here first may be drawn anew before it is asked for its text.
-    shown = "return document.getElementById('state').innerText"
-    WebDriverWait(page, 10).until(lambda p: p.execute_script(shown) == "cancelled")
+    until(page, lambda: text(page, "state") == "cancelled")
     assert service.get(f"jobs/{job['id']}")["state"] == "cancelled"
-    WebDriverWait(page, 10).until(lambda p: p.find_elements(By.CSS_SELECTOR, "[data-cancel]") == [])
+    until(page, lambda: page.find_elements(By.CSS_SELECTOR, "[data-cancel]") == [])
 
 
 def _add_hostile_scene(service: Service) -> None:
@@ -283,16 +266,6 @@ def _add_hostile_scene(service: Service) -> None:
         [part] = add_jobs(session, [Order(request)])
         part.state = part.job.state = "done"
         add_result(session, part.job, service.bench.combine(request, [{"speed": 0.5}]) | {"scene": HOSTILE})
-
-
-def _log(browser: Chrome, kind: str) -> list[dict[str, Any]]:
-    entries: list[dict[str, Any]] = cast(Any, browser).get_log(kind)
-    return entries
-
-
-def _requested(browser: Chrome) -> list[str]:
-    messages = [json.loads(entry["message"])["message"] for entry in _log(browser, "performance")]
-    return [m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"]
 
 
 def _head(page: Chrome, column: str) -> Any:
@@ -310,12 +283,6 @@ def _cell(page: Chrome, row: str, column: str) -> Any:
     return line.find_elements(By.TAG_NAME, "td")[columns.index(column)]
 
 
-def _choose(page: Chrome, name: str, value: str) -> None:
-    before = page.current_url
-    Select(page.find_element(By.NAME, name)).select_by_value(value)
-    WebDriverWait(page, 10).until(lambda p: p.current_url != before)
-
-
 def _state(page: Chrome) -> dict[str, Any]:
     return {
         "title": page.find_element(By.TAG_NAME, "h1").text,
@@ -323,7 +290,3 @@ def _state(page: Chrome) -> dict[str, Any]:
         "cells": [cell.text for cell in page.find_elements(By.CSS_SELECTOR, ".compare tbody td")],
         "controls": [Select(each).first_selected_option.text for each in page.find_elements(By.TAG_NAME, "select")],
     }
-
-
-def _wait_for_chart(page: Chrome) -> None:
-    WebDriverWait(page, 20).until(lambda p: p.find_element(By.ID, "chart").get_attribute("data-drawn") == "yes")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 import hashlib
 import io
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
@@ -13,12 +12,12 @@ from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 import pytest
-from browsing import running_browser
+from browsing import choose, module_browser, running_browser, until, watched
 from pictured import add_job, counts, image, keep
 from PIL import Image
 from selenium.webdriver import ActionChains, Chrome, Keys
 from selenium.webdriver.common.by import By
-from selenium.webdriver.support.ui import Select, WebDriverWait
+from selenium.webdriver.support.ui import Select
 from service_fakes import Service, document, running_service, wait_for
 
 from renderer.bench import combine
@@ -201,22 +200,15 @@ def test_a_service_without_pictures_says_so(tmp_path: Path) -> None:
 # The page, in a browser.
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
-    with running_browser(tmp_path_factory.mktemp("chromium")) as chrome:
-        yield chrome
+browser = module_browser
 
 
 @pytest.fixture
 def page(browser: Chrome, service: Service) -> Iterator[Chrome]:
     """The browser on the page of pictures; afterwards nothing was refused, logged, popped up or fetched elsewhere."""
-    _log(browser, "performance")
-    _log(browser, "browser")
-    _open(browser, service, "/pictures?scene=forest&baseline=1&against=2&what=nodes")
-    yield browser
-    assert [entry for entry in _log(browser, "browser") if entry["level"] in ("SEVERE", "WARNING")] == []
-    hosts = {urlsplit(url).netloc for url in _requested(browser) if url.startswith(("http:", "https:", "ws"))}
-    assert hosts == {urlsplit(str(service.client.base_url)).netloc}
+    with watched(browser, service.client.base_url):
+        _open(browser, service, "/pictures?scene=forest&baseline=1&against=2&what=nodes")
+        yield browser
 
 
 def test_the_default_is_the_newest_pair_of_one_size(page: Chrome, service: Service) -> None:
@@ -271,7 +263,7 @@ def test_the_slider_is_moved_by_keys(page: Chrome) -> None:
 
 
 def test_the_address_is_the_state(page: Chrome) -> None:
-    _choose(page, "view", "difference")
+    choose(page, "view", "difference")
     caption = page.find_element(By.CSS_SELECTOR, ".apart figcaption").text
     assert "Job 2 minus job 1" in caption
     numbers = [each.text for each in page.find_elements(By.CSS_SELECTOR, ".scale .numbers li")]
@@ -279,12 +271,12 @@ def test_the_address_is_the_state(page: Chrome) -> None:
     before = _chosen(page), page.find_element(By.TAG_NAME, "main").text
     page.get(page.current_url)
     assert (_chosen(page), page.find_element(By.TAG_NAME, "main").text) == before
-    _choose(page, "what", "image")
+    choose(page, "what", "image")
     assert "times as bright" in page.find_element(By.CSS_SELECTOR, ".apart figcaption").text
 
 
 def test_another_scene_chooses_its_own_jobs(page: Chrome) -> None:
-    _choose(page, "scene", "cornell-box")
+    choose(page, "scene", "cornell-box")
     assert parse_qs(urlsplit(page.current_url).query).get("baseline") is None
     assert _chosen(page)["baseline"] == "4"
     assert "is the only one" in page.find_element(By.TAG_NAME, "main").text
@@ -338,9 +330,8 @@ def test_hostile_names_stay_text(page: Chrome, service: Service) -> None:
 def test_the_page_fits_and_is_dark_where_asked(page: Chrome, service: Service, width: int) -> None:
     dark = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
     size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
-    chrome = cast(Any, page)
-    chrome.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
-    chrome.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    page.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
+    page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     try:
         for view in ("slider", "side", "difference", "all"):
             _open(page, service, f"/pictures?baseline=1&against=2&what=nodes&view={view}")
@@ -348,8 +339,8 @@ def test_the_page_fits_and_is_dark_where_asked(page: Chrome, service: Service, w
             background = page.find_element(By.TAG_NAME, "body").value_of_css_property("background-color")
             assert background == "rgba(20, 25, 27, 1)"
     finally:
-        chrome.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-        chrome.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+        page.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 
 def test_without_scripts_both_stand_side_by_side(service: Service, tmp_path: Path) -> None:
@@ -360,7 +351,7 @@ def test_without_scripts_both_stand_side_by_side(service: Service, tmp_path: Pat
         assert not chrome.find_element(By.ID, "cut").is_displayed()
         Select(chrome.find_element(By.NAME, "view")).select_by_value("difference")
         chrome.find_element(By.CSS_SELECTOR, "#controls button").click()
-        WebDriverWait(chrome, 10).until(lambda p: "view=difference" in p.current_url)
+        until(chrome, lambda: "view=difference" in chrome.current_url)
         assert len(_images(chrome)) == 1
 
 
@@ -368,7 +359,7 @@ def _open(chrome: Chrome, service: Service, address: str) -> None:
     """Open a page and wait for its pictures: on a busy machine the driver may be back before them."""
     chrome.get(f"{service.client.base_url}{address}")
     whole = "return document.readyState === 'complete' && [...document.images].every(image => image.complete)"
-    WebDriverWait(chrome, 30).until(lambda page: page.execute_script(whole))
+    until(chrome, lambda: chrome.execute_script(whole))
 
 
 def _images(chrome: Chrome) -> list[Any]:
@@ -388,19 +379,3 @@ def _chosen(page: Chrome) -> dict[str, str]:
         for each in page.find_elements(By.TAG_NAME, "select")
     }
     return {name: value for name, value in chosen.items() if value}
-
-
-def _choose(page: Chrome, name: str, value: str) -> None:
-    before = page.current_url
-    Select(page.find_element(By.NAME, name)).select_by_value(value)
-    WebDriverWait(page, 10).until(lambda p: p.current_url != before)
-
-
-def _log(browser: Chrome, kind: str) -> list[dict[str, Any]]:
-    entries: list[dict[str, Any]] = cast(Any, browser).get_log(kind)
-    return entries
-
-
-def _requested(browser: Chrome) -> list[str]:
-    messages = [json.loads(entry["message"])["message"] for entry in _log(browser, "performance")]
-    return [m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"]

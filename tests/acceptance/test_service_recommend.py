@@ -6,13 +6,10 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
-from browsing import running_browser
+from browsing import running_browser, until, watched
 from selenium.webdriver.common.by import By
-from selenium.webdriver.support.expected_conditions import presence_of_element_located
-from selenium.webdriver.support.ui import WebDriverWait
 from service_fakes import LEASE_S, Service, running_service, wait_for
 
 from server.cli.app import run
@@ -139,8 +136,8 @@ def test_the_command_line_recommends_on_a_service(service: Service, capsys: pyte
 
 
 def test_the_form_submits_and_the_page_follows_to_the_verdict(service: Service, tmp_path: Path) -> None:
-    base = str(service.client.base_url)
-    with working(service), running_browser(tmp_path / "profile") as chrome:
+    base = service.client.base_url
+    with working(service), running_browser(tmp_path / "profile") as chrome, watched(chrome, base):
         chrome.get(f"{base}/recommend?scene=cornell-box")
         chrome.find_element(By.CSS_SELECTOR, "summary").click()
         for box in chrome.find_elements(By.CSS_SELECTOR, "[data-axis] input:checked"):
@@ -151,9 +148,5 @@ def test_the_form_submits_and_the_page_follows_to_the_verdict(service: Service, 
         size.clear()
         size.send_keys("64")
         chrome.find_element(By.CSS_SELECTOR, "button[type=submit]").click()
-        found = presence_of_element_located((By.CSS_SELECTOR, ".verdict-sentence"))
-        verdict = WebDriverWait(chrome, 60).until(found)
-        assert verdict.text.startswith("Take ")
+        until(chrome, lambda: chrome.find_element(By.CSS_SELECTOR, ".verdict-sentence").text.startswith("Take "), 60)
         assert chrome.find_element(By.CSS_SELECTOR, "table.list").text.count("fragment normal") >= 2
-        get_log: Any = chrome.get_log
-        assert [entry for entry in get_log("browser") if entry["level"] == "SEVERE"] == []

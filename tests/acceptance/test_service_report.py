@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 from urllib.parse import urlsplit
 
 import httpx
 import pytest
-from browsing import running_browser
+from browsing import log, module_browser, requested, until, wrong
 from paper_documents import World, with_pictures
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
@@ -27,12 +26,7 @@ from server.store.records import Order, add_jobs, add_result, add_study
 HOSTILE = '<script>document.title="taken"</script><img src=x onerror="alert(2)">'
 WIDTHS = (1400, 400)
 Json = dict[str, Any]
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
-    with running_browser(tmp_path_factory.mktemp("chromium")) as chrome:
-        yield chrome
+browser = module_browser
 
 
 @pytest.fixture(scope="module")
@@ -88,10 +82,10 @@ def _store(service: Service, documents: list[Json]) -> None:
 @pytest.fixture
 def page(browser: Chrome) -> Iterator[Chrome]:
     """A browser; afterwards nothing was logged as wrong."""
-    _log(browser, "performance")
-    _log(browser, "browser")
+    log(browser, "performance")
+    log(browser, "browser")
     yield browser
-    assert [entry for entry in _log(browser, "browser") if entry["level"] in ("SEVERE", "WARNING")] == []
+    assert wrong(browser) == []
     browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})
     browser.execute_cdp_cmd("Network.emulateNetworkConditions", _network(offline=False))
@@ -171,7 +165,7 @@ def test_the_service_shows_it_and_offers_it_as_a_file(page: Chrome, service: Ser
     assert "Back to the study" not in answer.text
     assert answer.text.count("data:image/png;base64,") >= 5
     page.find_element(By.LINK_TEXT, "Back to the study").click()
-    assert page.current_url == f"{base}/studies/1"
+    until(page, lambda: page.current_url == f"{base}/studies/1")
 
 
 def test_the_claims_as_json(service: Service) -> None:
@@ -210,13 +204,6 @@ def _light(colour: str) -> float:
     return sum(channels) / 3
 
 
-def _log(browser: Chrome, kind: str) -> list[Json]:
-    entries: list[Json] = cast(Any, browser).get_log(kind)
-    return entries
-
-
 def _requested(browser: Chrome) -> set[str]:
     """The addresses asked for since the last look, but for those that hold their content."""
-    messages = [json.loads(entry["message"])["message"] for entry in _log(browser, "performance")]
-    urls = {m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"}
-    return {url for url in urls if not url.startswith(("data:", "about:"))}
+    return {url for url in requested(browser) if not url.startswith(("data:", "about:"))}

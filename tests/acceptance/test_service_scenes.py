@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from html import unescape
-from typing import Any, cast
-from urllib.parse import quote, urlsplit
+from urllib.parse import quote
 
 import httpx
 import pytest
-from browsing import running_browser
+from browsing import module_browser, watched
 from pictured import add_job, counts, image, keep
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
@@ -21,6 +19,7 @@ from scenes.catalogue import ENTRIES
 from server.store.blobs import Blobs
 
 HOSTILE = '<script>alert(1)</script>/../<img src=x onerror="alert(2)"> & ?#%'
+browser = module_browser
 
 
 @pytest.fixture(scope="module")
@@ -37,12 +36,6 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
             for scene, pictures in (("forest", named), ("forest:5000", named), (HOSTILE, named), ("cornell-box", None)):
                 add_job(running.database, whole, pictures, scene=scene)
             yield running
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
-    with running_browser(tmp_path_factory.mktemp("chromium")) as chrome:
-        yield chrome
 
 
 def read(service: Service, address: str) -> httpx.Response:
@@ -106,34 +99,27 @@ def test_the_links_of_a_scene_lead_to_its_results(service: Service) -> None:
 
 
 def test_the_pages_show_pictures_and_hostile_names_stay_text(service: Service, browser: Chrome) -> None:
-    for kind in ("performance", "browser"):
-        _log(browser, kind)
-    base = str(service.client.base_url)
-    browser.get(f"{base}/scenes")
-    assert browser.find_element(By.CSS_SELECTOR, "nav [aria-current]").text == "Scenes"
-    thumbs = browser.find_elements(By.CSS_SELECTOR, ".thumb img")
-    assert len(thumbs) == 1
-    names = browser.find_elements(By.CSS_SELECTOR, ".names a")
-    assert {link.text for link in names} == {HOSTILE, "forest:5000"}
-    next(link for link in names if link.text == HOSTILE).click()
-    assert browser.find_element(By.TAG_NAME, "h1").text == HOSTILE
-    assert browser.find_elements(By.CSS_SELECTOR, "main script, main img[src='x']") == []
-    assert browser.execute_script("return document.images[0].naturalWidth") == 64
-    browser.find_element(By.LINK_TEXT, "Pictures of this scene").click()
-    assert HOSTILE in browser.find_element(By.TAG_NAME, "h1").text
-    assert [entry for entry in _log(browser, "browser") if entry["level"] in ("SEVERE", "WARNING")] == []
-    hosts = {urlsplit(url).netloc for url in _requested(browser) if url.startswith(("http:", "https:", "ws"))}
-    assert hosts == {urlsplit(base).netloc}
+    with watched(browser, service.client.base_url):
+        browser.get(f"{service.client.base_url}/scenes")
+        assert browser.find_element(By.CSS_SELECTOR, "nav [aria-current]").text == "Scenes"
+        assert len(browser.find_elements(By.CSS_SELECTOR, ".thumb img")) == 1
+        names = browser.find_elements(By.CSS_SELECTOR, ".names a")
+        assert {link.text for link in names} == {HOSTILE, "forest:5000"}
+        next(link for link in names if link.text == HOSTILE).click()
+        assert browser.find_element(By.TAG_NAME, "h1").text == HOSTILE
+        assert browser.find_elements(By.CSS_SELECTOR, "main script, main img[src='x']") == []
+        assert browser.execute_script("return document.images[0].naturalWidth") == 64
+        browser.find_element(By.LINK_TEXT, "Pictures of this scene").click()
+        assert HOSTILE in browser.find_element(By.TAG_NAME, "h1").text
 
 
 @pytest.mark.parametrize("address", ["scenes", "scenes/forest", "scenes/fairy-forest", f"scenes/{quote(HOSTILE)}"])
 @pytest.mark.parametrize("width", [400, 1400])
 def test_the_pages_fit_and_are_dark_where_asked(service: Service, browser: Chrome, address: str, width: int) -> None:
-    chrome = cast(Any, browser)
     size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
-    chrome.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     dark = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
-    chrome.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
     try:
         browser.get(f"{service.client.base_url}/{address}")
         assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
@@ -141,15 +127,5 @@ def test_the_pages_fit_and_are_dark_where_asked(service: Service, browser: Chrom
             "rgba(20, 25, 27, 1)"
         )
     finally:
-        chrome.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-        chrome.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
-
-
-def _log(browser: Chrome, kind: str) -> list[dict[str, Any]]:
-    entries: list[dict[str, Any]] = cast(Any, browser).get_log(kind)
-    return entries
-
-
-def _requested(browser: Chrome) -> list[str]:
-    messages = [json.loads(entry["message"])["message"] for entry in _log(browser, "performance")]
-    return [m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"]
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})

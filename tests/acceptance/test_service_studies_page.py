@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
-from typing import Any, cast
-from urllib.parse import urlsplit
 
 import pytest
-from browsing import running_browser
-from selenium.common.exceptions import StaleElementReferenceException
+from browsing import log, module_browser, requested, text, until, watched
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
 from selenium.webdriver.remote.webelement import WebElement
-from selenium.webdriver.support.ui import WebDriverWait
 from service_fakes import HOST, Service, running_service
 from sqlalchemy import select
 
@@ -28,12 +23,7 @@ from server.store.models import Job, Slice, now
 from server.store.records import Order, add_jobs, add_study, change_state
 
 HOSTILE = '<img src=x onerror="alert(1)"> & <b>bold</b>'
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
-    with running_browser(tmp_path_factory.mktemp("chromium")) as chrome:
-        yield chrome
+browser = module_browser
 
 
 @pytest.fixture
@@ -48,12 +38,8 @@ def service(tmp_path: Path) -> Iterator[Service]:
 @pytest.fixture
 def page(browser: Chrome, service: Service) -> Iterator[Chrome]:
     """The browser; afterwards nothing was logged that a test did not read, or fetched from another host."""
-    log(browser, "performance")
-    log(browser, "browser")
-    yield browser
-    assert [entry for entry in log(browser, "browser") if entry["level"] in ("SEVERE", "WARNING")] == []
-    hosts = {urlsplit(url).netloc for url in requested(browser) if url.startswith(("http:", "https:", "ws"))}
-    assert hosts == {urlsplit(address(service)).netloc}
+    with watched(browser, service.client.base_url):
+        yield browser
 
 
 def test_the_form_counts_what_is_ticked_before_it_submits(page: Chrome, service: Service) -> None:
@@ -145,8 +131,7 @@ def test_progress_and_the_time_left_are_shown_as_it_goes_on(page: Chrome, servic
     page.get(f"{address(service)}/studies/1")
     assert text(page, "left") == "about 4 min left"
     page.find_element(By.CSS_SELECTOR, "[data-cancel]").click()
-    until(page, lambda: text(page, "state") == "done")
-    assert text(page, "left") == ""
+    until(page, lambda: (text(page, "state"), text(page, "left")) == ("done", ""))
 
 
 def test_a_study_of_thousands_of_jobs_is_shown_by_scene(page: Chrome, service: Service) -> None:
@@ -197,7 +182,7 @@ def test_pages_fit_a_narrow_screen_and_name_their_controls(page: Chrome, service
     try:
         page.get(f"{address(service)}/{path}")
         fits = "return document.documentElement.scrollWidth <= innerWidth"
-        WebDriverWait(page, 10).until(lambda shown: shown.execute_script(fits), "the page is wider than the screen")
+        until(page, lambda: page.execute_script(fits))
         nameless = "return [...document.querySelectorAll('main input, main select, main button, main progress')]"
         nameless += ".filter(e => !e.labels?.length && !e.textContent.trim() && !e.ariaLabel).length"
         assert page.execute_script(nameless) == 0
@@ -236,10 +221,6 @@ def address(service: Service) -> str:
     return str(service.client.base_url).rstrip("/")
 
 
-def text(page: Chrome, name: str) -> str:
-    return str(page.find_element(By.ID, name).text).strip()
-
-
 def label_of(control: WebElement) -> WebElement:
     return control.find_element(By.XPATH, "..")
 
@@ -259,17 +240,3 @@ def write(page: Chrome, name: str, words: str) -> None:
 
 def submit(page: Chrome) -> None:
     page.execute_script("arguments[0].click()", page.find_element(By.CSS_SELECTOR, "form button"))
-
-
-def until(page: Chrome, condition: Callable[[], Any]) -> None:
-    WebDriverWait(page, 30, ignored_exceptions=[StaleElementReferenceException]).until(lambda _: condition())
-
-
-def log(page: Chrome, kind: str) -> list[dict[str, Any]]:
-    entries: list[dict[str, Any]] = cast(Any, page).get_log(kind)
-    return entries
-
-
-def requested(page: Chrome) -> list[str]:
-    messages = [json.loads(entry["message"])["message"] for entry in log(page, "performance")]
-    return [m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"]
