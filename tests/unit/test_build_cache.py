@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import hashlib
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from renderer.build import api, make
-from renderer.build.cache import Kind
+from renderer.build.cache import BUILDER_VERSIONS, Kind
 from renderer.build.tree import Bvh, Floats, Kd, SahCosts, Tree
 from scenes.kept import cache_folder
 
@@ -70,6 +71,39 @@ def test_whatever_changes_the_tree_changes_the_entry(builds: list[object]) -> No
         api.build("key", triangles(), "bvh", "sah", SahCosts(1.0, 1.5))
         api.build("key", triangles(), "bvh", "sah", SahCosts(3.0, 1.0))
     assert len(builds) == 6
+
+
+PINNED: dict[Kind, tuple[int, dict[str, str]]] = {
+    "bvh": (
+        5,
+        {
+            "sah": "b1ba2539abf5",
+            "binned": "abca42f2be5b",
+            "median": "dffb04de0dc1",
+            "reinserted": "56d67b5eba4a",
+            "sbvh": "a672d678cd38",
+            "sbvh-reinserted": "f82e0648c2b0",
+        },
+    ),
+    "kd": (5, {"sah": "3d4de858cb6e", "clipped": "38dc28341f78"}),
+}
+
+
+@pytest.mark.parametrize("kind", PINNED)
+def test_other_trees_have_another_version(kind: Kind) -> None:
+    """Where only the trees differ: raise the version in `renderer/build/cache.py` that names them, and pin both."""
+    large = np.concatenate([triangles(3000), 5.0 * triangles(100)])
+    made = {builder: make.build_uncached(large, kind, builder, SahCosts(1.0, 1.0)) for builder in api.BUILDERS[kind]}
+    assert (BUILDER_VERSIONS[kind], {builder: digest(tree) for builder, tree in made.items()}) == PINNED[kind]
+
+
+def digest(tree: Tree) -> str:
+    """Of all that is no float."""
+    found = hashlib.sha256()
+    for value in vars(tree).values():
+        if isinstance(value, np.ndarray) and value.dtype.kind in "iu":
+            found.update(value.tobytes())
+    return found.hexdigest()[:12]
 
 
 def damage(name: str, content: bytes) -> bytes:
