@@ -60,6 +60,29 @@ def until(browser: Chrome, condition: Callable[[], object], seconds: float = 30)
     WebDriverWait(browser, seconds, ignored_exceptions=[WebDriverException]).until(lambda _: condition())
 
 
+@contextmanager
+def screen(browser: Chrome, width: int, scheme: str = "light", *, mobile: bool = False) -> Iterator[None]:
+    """While it lasts pages are shown in a width of pixels and a colour scheme."""
+    size = {"width": width, "height": 1200, "deviceScaleFactor": 1, "mobile": mobile}
+    feature = {"name": "prefers-color-scheme", "value": scheme}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
+    try:
+        yield
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def fits(browser: Chrome) -> bool:
+    """Whether nothing must be scrolled sideways."""
+    return bool(browser.execute_script("return document.documentElement.scrollWidth <= innerWidth"))
+
+
+def is_dark(browser: Chrome) -> bool:
+    return browser.find_element(By.TAG_NAME, "body").value_of_css_property("background-color") == "rgba(20, 25, 27, 1)"
+
+
 def wait_for_chart(browser: Chrome) -> None:
     until(browser, lambda: browser.find_element(By.ID, "chart").get_attribute("data-drawn") == "yes")
 

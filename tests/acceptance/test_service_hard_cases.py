@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browsing import log, module_browser, until, wrong
+from browsing import fits, log, module_browser, screen, until, wrong
 from hard_case_documents import DEVICE, FAMILIES, study
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
@@ -40,7 +40,6 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 def page(browser: Chrome) -> Iterator[Chrome]:
     log(browser, "browser")
     yield browser
-    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
     assert wrong(browser) == []
     assert browser.title != "taken"
 
@@ -83,10 +82,9 @@ def test_two_runs_are_held_against_each_other(page: Chrome, service: Service) ->
     "path", ["", "/1", "/2?show=losses&cols=traversal", "/2/families/stadium", "/difference?baseline=1&against=2"]
 )
 def test_pages_fit_a_phone(page: Chrome, service: Service, path: str) -> None:
-    size = {"width": 390, "height": 900, "deviceScaleFactor": 1, "mobile": False}
-    page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    page.get(f"{service.client.base_url}/hard-cases{path}")
-    assert page.execute_script("return document.documentElement.scrollWidth <= innerWidth")
+    with screen(page, 390):
+        page.get(f"{service.client.base_url}/hard-cases{path}")
+        assert fits(page)
 
 
 def test_the_report_opens_without_a_service(page: Chrome, service: Service, tmp_path: Path) -> None:

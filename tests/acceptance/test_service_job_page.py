@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import pytest
-from browsing import log, module_browser, text, until, wait_for_chart, watched
+from browsing import fits, log, module_browser, screen, text, until, wait_for_chart, watched
 from job_documents import FRAMES, ROUNDS, add_measured, document_of, request_of
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
@@ -313,16 +313,12 @@ def test_an_idle_job_says_what_it_waits_for(page: Chrome, service: Service) -> N
 def test_the_page_fits_and_everything_has_a_name(
     page: Chrome, service: Service, phone: int, width: int, scheme: str
 ) -> None:
-    media = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
-    page.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
-    size = {"width": width, "height": 1200, "deviceScaleFactor": 1, "mobile": False}
-    page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    try:
+    with screen(page, width, scheme):
         open_job(page, service, phone)
         wait_for_chart(page)
         for summary in page.find_elements(By.CSS_SELECTOR, "details:not([open]) > summary"):
             page.execute_script("arguments[0].click()", summary)
-        assert page.execute_script("return document.documentElement.scrollWidth") <= width
+        assert fits(page)
         for control in page.find_elements(By.CSS_SELECTOR, f"main :is({NAMELESS})"):
             assert control.accessible_name, control.get_attribute("outerHTML")
         for region in page.find_elements(By.CSS_SELECTOR, "main table"):
@@ -334,9 +330,6 @@ def test_the_page_fits_and_everything_has_a_name(
         colour = "return getComputedStyle(document.querySelector(arguments[0]))[arguments[1]]"
         ink = page.execute_script(colour, "body", "color")
         assert page.execute_script(colour, "#chart .ytick text", "fill") == ink
-    finally:
-        page.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-        page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 
 def test_the_form_is_reached_and_used_by_keyboard(page: Chrome, service: Service, twin: int) -> None:

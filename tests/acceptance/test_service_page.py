@@ -9,7 +9,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from browsing import choose, log, module_browser, text, until, wait_for_chart, watched
+from browsing import choose, log, module_browser, screen, text, until, wait_for_chart, watched
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -198,13 +198,9 @@ def test_the_keyboard_reaches_everything_in_order(page: Chrome) -> None:
 
 @pytest.mark.parametrize("path", ["/?baseline=kd-push-down&chart=size", "/difference?baseline=job:1&against=job:2"])
 def test_pages_fit_a_phone(page: Chrome, service: Service, path: str) -> None:
-    metrics = {"width": 400, "height": 800, "deviceScaleFactor": 1, "mobile": True}
-    page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-    try:
+    with screen(page, 400, mobile=True):
         page.get(f"{service.client.base_url}{path}")
         assert page.execute_script("return document.documentElement.scrollWidth") == 400
-    finally:
-        page.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def test_a_newcomer_is_told_what_this_is_and_starts_the_demo(browser: Chrome, tmp_path: Path) -> None:

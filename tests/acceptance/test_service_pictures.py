@@ -12,7 +12,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 import pytest
-from browsing import choose, module_browser, running_browser, until, watched
+from browsing import choose, fits, is_dark, module_browser, running_browser, screen, until, watched
 from pictured import add_job, counts, image, keep
 from PIL import Image
 from selenium.webdriver import ActionChains, Chrome, Keys
@@ -328,19 +328,11 @@ def test_hostile_names_stay_text(page: Chrome, service: Service) -> None:
 
 @pytest.mark.parametrize("width", [400, 1400])
 def test_the_page_fits_and_is_dark_where_asked(page: Chrome, service: Service, width: int) -> None:
-    dark = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
-    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
-    page.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
-    page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    try:
+    with screen(page, width, "dark"):
         for view in ("slider", "side", "difference", "all"):
             _open(page, service, f"/pictures?baseline=1&against=2&what=nodes&view={view}")
-            assert page.execute_script("return document.documentElement.scrollWidth <= innerWidth")
-            background = page.find_element(By.TAG_NAME, "body").value_of_css_property("background-color")
-            assert background == "rgba(20, 25, 27, 1)"
-    finally:
-        page.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-        page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+            assert fits(page)
+            assert is_dark(page)
 
 
 def test_without_scripts_both_stand_side_by_side(service: Service, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 import httpx
 import pytest
-from browsing import log, module_browser, requested, until, wrong
+from browsing import fits, log, module_browser, requested, until, wrong
 from paper_documents import World, with_pictures
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
@@ -101,7 +101,7 @@ def test_the_file_opens_without_a_network(page: Chrome, report: Path, scheme: st
     assert len(page.find_elements(By.CSS_SELECTOR, ".claims tbody tr")) == len(CLAIMS)
     assert len(page.find_elements(By.CSS_SELECTOR, "figure.figure")) == 9
     assert page.execute_script("return [...document.images].every(i => i.complete && i.naturalWidth > 0)")
-    assert page.execute_script("return document.documentElement.scrollWidth <= innerWidth"), "the page is too wide"
+    assert fits(page)
 
 
 @pytest.mark.parametrize("width", WIDTHS)

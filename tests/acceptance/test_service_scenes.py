@@ -8,7 +8,7 @@ from urllib.parse import quote
 
 import httpx
 import pytest
-from browsing import module_browser, watched
+from browsing import fits, is_dark, module_browser, screen, watched
 from pictured import add_job, counts, image, keep
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
@@ -116,16 +116,7 @@ def test_the_pages_show_pictures_and_hostile_names_stay_text(service: Service, b
 @pytest.mark.parametrize("address", ["scenes", "scenes/forest", "scenes/fairy-forest", f"scenes/{quote(HOSTILE)}"])
 @pytest.mark.parametrize("width", [400, 1400])
 def test_the_pages_fit_and_are_dark_where_asked(service: Service, browser: Chrome, address: str, width: int) -> None:
-    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    dark = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
-    try:
+    with screen(browser, width, "dark"):
         browser.get(f"{service.client.base_url}/{address}")
-        assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
-        assert browser.find_element(By.TAG_NAME, "body").value_of_css_property("background-color") == (
-            "rgba(20, 25, 27, 1)"
-        )
-    finally:
-        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+        assert fits(browser)
+        assert is_dark(browser)

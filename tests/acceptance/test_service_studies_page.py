@@ -8,7 +8,7 @@ from datetime import timedelta
 from pathlib import Path
 
 import pytest
-from browsing import log, module_browser, requested, text, until, watched
+from browsing import fits, log, module_browser, requested, screen, text, until, watched
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
 from selenium.webdriver.remote.webelement import WebElement
@@ -176,18 +176,12 @@ def test_what_was_left_out_is_told_by_reason_and_by_name(page: Chrome, service: 
 @pytest.mark.parametrize("path", ["submit", "studies", "studies/1"])
 def test_pages_fit_a_narrow_screen_and_name_their_controls(page: Chrome, service: Service, path: str) -> None:
     service.post("studies", name="mine", scenes="cornell-box", axes={"traversal": "paper", "sah": "3,1; 2,1"})
-    page.execute_cdp_cmd(
-        "Emulation.setDeviceMetricsOverride", {"width": 400, "height": 900, "deviceScaleFactor": 1, "mobile": False}
-    )
-    try:
+    with screen(page, 400):
         page.get(f"{address(service)}/{path}")
-        fits = "return document.documentElement.scrollWidth <= innerWidth"
-        until(page, lambda: page.execute_script(fits))
+        until(page, lambda: fits(page))
         nameless = "return [...document.querySelectorAll('main input, main select, main button, main progress')]"
         nameless += ".filter(e => !e.labels?.length && !e.textContent.trim() && !e.ariaLabel).length"
         assert page.execute_script(nameless) == 0
-    finally:
-        page.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def add_large(service: Service, count: int) -> list[int]:
