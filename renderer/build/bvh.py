@@ -199,12 +199,12 @@ def split_range(
             if chosen == NO_SPLIT:
                 sort_range(boxes, lists, begin, end)
                 in_order = 1
-        elif end - begin <= few and depth + end - begin - 1 <= rules.max_depth:
-            chosen, cut = few_split(boxes, lists, areas, begin, end, rules)
-            if chosen == NO_SPLIT:
-                continue
         elif end - begin == 2 and rules.use_sah and depth < rules.max_depth:
             chosen = pair_split(boxes, lists, begin, rules)
+            if chosen == NO_SPLIT:
+                continue
+        elif end - begin <= few and depth + end - begin - 1 <= rules.max_depth:
+            chosen, cut = few_split(boxes, lists, areas, begin, end, rules)
             if chosen == NO_SPLIT:
                 continue
         if chosen == NO_SPLIT:

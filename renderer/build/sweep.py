@@ -85,7 +85,7 @@ def _centroid(boxes: Floats, box: int, axis: int) -> np.float32:
 
 @jit
 def pair_split(boxes: Floats, lists: Words, begin: int, rules: Rules) -> int:
-    """`sah_split` of two: the axis along which they are cut, which is the one that tells most of their order."""
+    """`sah_split` of two: the axis along which they are cut, on which they lie farthest apart; sorts the first list."""
     a, b = lists[0, begin], lists[0, begin + 1]
     x = max(boxes[a, 3], boxes[b, 3]) - min(boxes[a, 0], boxes[b, 0])
     y = max(boxes[a, 4], boxes[b, 4]) - min(boxes[a, 1], boxes[b, 1])
@@ -98,7 +98,8 @@ def pair_split(boxes: Floats, lists: Words, begin: int, rules: Rules) -> int:
         apart = abs(_centroid(boxes, a, k) - _centroid(boxes, b, k))
         if apart > widest:
             axis, widest = k, apart
-    lists[0, begin], lists[0, begin + 1] = lists[axis, begin], lists[axis, begin + 1]
+    if _centroid(boxes, a, axis) > _centroid(boxes, b, axis):
+        lists[0, begin], lists[0, begin + 1] = b, a
     return axis
 
 

@@ -11,7 +11,7 @@ Words = npt.NDArray[np.uint32]
 Floats = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int32]
 
-_BLOCK = 1 << 14  # triangles laid out at once: what a million gather takes longer to be given memory than to be copied
+_BLOCK = 1 << 14  # triangles at once: to be handed memory for a million takes longer than to fill it
 
 
 @dataclass(frozen=True, eq=False)
