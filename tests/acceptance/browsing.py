@@ -94,7 +94,7 @@ def choose(browser: Chrome, name: str, value: str) -> None:
     until(browser, lambda: browser.current_url != before)
 
 
-def text(browser: Chrome, name: str) -> str:
+def text_of(browser: Chrome, name: str) -> str:
     """What the element of an id shows, found and read in one document, though the page may load itself anew."""
     read = "const it = document.getElementById(arguments[0]); return it.checkVisibility() ? it.innerText : ''"
     return str(browser.execute_script(read, name)).strip()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from browsing import module_browser, text, until, watched
+from browsing import module_browser, text_of, until, watched
 from httpx import URL
 from selenium.common.exceptions import TimeoutException
 from selenium.webdriver import Chrome
@@ -35,12 +35,12 @@ def test_a_wait_outlives_an_element_of_another_document(browser: Chrome) -> None
 def test_a_wait_ends(browser: Chrome) -> None:
     browser.get(PAGE)
     with pytest.raises(TimeoutException):
-        until(browser, lambda: text(browser, "nothing"), seconds=0.1)
+        until(browser, lambda: text_of(browser, "nothing"), seconds=0.1)
 
 
 def test_what_is_hidden_has_no_text(browser: Chrome) -> None:
     browser.get(PAGE)
-    assert (text(browser, "state"), text(browser, "hidden")) == ("old", "")
+    assert (text_of(browser, "state"), text_of(browser, "hidden")) == ("old", "")
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from browsing import module_browser, requested, running_browser, text, until
+from browsing import module_browser, requested, running_browser, text_of, until
 from event_service import EventService, running_events, wait_until
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
@@ -27,12 +27,12 @@ def test_a_studys_page_shows_what_happens(service: EventService, browser: Chrome
     service.change(first, "running", reason=HOSTILE)
     until(browser, lambda: row(browser, first) == ("running", HOSTILE))
     service.change(first, "done")
-    until(browser, lambda: text(browser, "slices") == "2 of 4 slices")
+    until(browser, lambda: text_of(browser, "slices") == "2 of 4 slices")
     assert browser.execute_script("return window.mark") == "kept"  # It was not loaded anew.
     assert row(browser, second) == ("queued", "")
     service.change(second, "done")
     until(browser, lambda: browser.execute_script("return window.mark") is None)
-    until(browser, lambda: (text(browser, "state"), text(browser, "slices")) == ("done", "4 of 4 slices"))
+    until(browser, lambda: (text_of(browser, "state"), text_of(browser, "slices")) == ("done", "4 of 4 slices"))
     streams = [url for url in requested(browser) if "/events" in url]
     assert streams == [f"{service.base}/api/v1/studies/1/events?after=2"]
     wait_until(lambda: not service.feed.is_polling)
@@ -43,11 +43,11 @@ def test_a_jobs_page_goes_on_after_a_restart(service: EventService, browser: Chr
     service.change(job, "preparing")
     open_page(browser, f"{service.base}/jobs/{job}")
     service.change(job, "running", reason=HOSTILE)
-    until(browser, lambda: text(browser, "reason") == HOSTILE)
+    until(browser, lambda: text_of(browser, "reason") == HOSTILE)
     service.stop()
     service.change(job, "waiting", reason="The phone is away.")
     service.start()
-    until(browser, lambda: text(browser, "state") == "waiting")
+    until(browser, lambda: text_of(browser, "state") == "waiting")
     assert browser.execute_script("return window.mark") == "kept"
     shown = [entry.text.split(" ", 2)[2] for entry in browser.find_elements(By.CSS_SELECTOR, ".history li")]
     assert shown == ["queued", "preparing", f"running {HOSTILE}", "waiting The phone is away."]
@@ -58,7 +58,7 @@ def test_a_page_of_the_past_listens_to_nothing(service: EventService, browser: C
     (job,) = service.add()
     service.change(job, "done")
     open_page(browser, f"{service.base}/jobs/{job}")
-    assert text(browser, "state") == "done"
+    assert text_of(browser, "state") == "done"
     assert [url for url in requested(browser) if "/events" in url] == []
 
 
@@ -66,9 +66,9 @@ def test_without_scripts_the_page_loads_itself(service: EventService, tmp_path: 
     (job,) = service.add()
     with running_browser(tmp_path / "chromium", scripts=False) as browser:
         browser.get(f"{service.base}/jobs/{job}")
-        assert text(browser, "state") == "queued"
+        assert text_of(browser, "state") == "queued"
         service.change(job, "done")
-        until(browser, lambda: text(browser, "state") == "done")
+        until(browser, lambda: text_of(browser, "state") == "done")
         assert browser.find_elements(By.CSS_SELECTOR, "meta[http-equiv=refresh]") == []
 
 

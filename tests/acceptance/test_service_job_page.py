@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import pytest
-from browsing import fits, log, module_browser, screen, text, until, wait_for_chart, watched
+from browsing import fits, log, module_browser, screen, text_of, until, wait_for_chart, watched
 from job_documents import FRAMES, ROUNDS, add_measured, document_of, request_of
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
@@ -304,7 +304,7 @@ def test_an_idle_job_says_what_it_waits_for(page: Chrome, service: Service) -> N
         assert f"Now running there: job {first}." in main_text(page)
         for job in (second, first, away):
             service.client.post(f"/api/v1/jobs/{job}/cancel")
-        until(page, lambda: text(page, "state") == "cancelled")
+        until(page, lambda: text_of(page, "state") == "cancelled")
         until(page, lambda: page.find_elements(By.ID, "wait") == [])
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from browsing import choose, log, module_browser, screen, text, until, wait_for_chart, watched
+from browsing import choose, log, module_browser, screen, text_of, until, wait_for_chart, watched
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -243,14 +243,14 @@ def test_the_form_submits_a_study(page: Chrome, service: Service) -> None:
     assert [e["message"] for e in log(page, "browser") if "422" not in e["message"]] == []
     assert "queued" in page.find_element(By.TAG_NAME, "main").text
     service.work()
-    until(page, lambda: text(page, "state") == "done")
+    until(page, lambda: text_of(page, "state") == "done")
 
 
 def test_a_job_is_cancelled_from_its_page(service: Service, page: Chrome) -> None:
     job = service.post("jobs", scene="cornell-box", frames=1)
     page.get(f"{service.client.base_url}/jobs/{job['id']}")
     page.find_element(By.CSS_SELECTOR, "[data-cancel]").click()
-    until(page, lambda: text(page, "state") == "cancelled")
+    until(page, lambda: text_of(page, "state") == "cancelled")
     assert service.get(f"jobs/{job['id']}")["state"] == "cancelled"
     until(page, lambda: page.find_elements(By.CSS_SELECTOR, "[data-cancel]") == [])
 

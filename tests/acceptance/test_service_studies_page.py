@@ -8,7 +8,7 @@ from datetime import timedelta
 from pathlib import Path
 
 import pytest
-from browsing import fits, log, module_browser, requested, screen, text, until, watched
+from browsing import fits, log, module_browser, requested, screen, text_of, until, watched
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
 from selenium.webdriver.remote.webelement import WebElement
@@ -44,17 +44,17 @@ def page(browser: Chrome, service: Service) -> Iterator[Chrome]:
 
 def test_the_form_counts_what_is_ticked_before_it_submits(page: Chrome, service: Service) -> None:
     page.get(f"{address(service)}/submit")
-    until(page, lambda: text(page, "count") == "1 job, 4 slices.")
+    until(page, lambda: text_of(page, "count") == "1 job, 4 slices.")
     tick(page, "traversal", "kd-backtrack")
-    until(page, lambda: text(page, "count") == "2 jobs, 8 slices.")
+    until(page, lambda: text_of(page, "count") == "2 jobs, 8 slices.")
     tick(page, "builder", "median")
-    until(page, lambda: text(page, "count") == "3 jobs, 12 slices.")
-    assert text(page, "refused").startswith("1 combination left out")
+    until(page, lambda: text_of(page, "count") == "3 jobs, 12 slices.")
+    assert text_of(page, "refused").startswith("1 combination left out")
     write(page, "sah", "3.0,1.5; 1.5,1.5")
-    until(page, lambda: text(page, "count") == "6 jobs, 24 slices.")
+    until(page, lambda: text_of(page, "count") == "6 jobs, 24 slices.")
     write(page, "size", "32,64")
     tick(page, "models")
-    until(page, lambda: text(page, "count") == "12 jobs, 48 slices.")
+    until(page, lambda: text_of(page, "count") == "12 jobs, 48 slices.")
     submit(page)
     until(page, lambda: "/studies/" in page.current_url)
     study = service.get("studies/1")
@@ -70,9 +70,9 @@ def test_the_form_counts_what_is_ticked_before_it_submits(page: Chrome, service:
 
 def test_what_is_wrong_is_said_while_it_is_typed(page: Chrome, service: Service) -> None:
     page.get(f"{address(service)}/submit")
-    until(page, lambda: text(page, "count") == "1 job, 4 slices.")
+    until(page, lambda: text_of(page, "count") == "1 job, 4 slices.")
     write(page, "sah", "3.0")
-    until(page, lambda: "write them as 3.0,1.5" in text(page, "count"))
+    until(page, lambda: "write them as 3.0,1.5" in text_of(page, "count"))
     assert [entry["message"] for entry in log(page, "browser") if "422" not in entry["message"]] == []
 
 
@@ -89,7 +89,7 @@ def test_a_named_study_is_chosen_with_what_it_measures(page: Chrome, service: Se
     named["demo"].click()
     until(page, lambda: not page.find_element(By.NAME, "frames").is_displayed())
     write(page, "named_size", "16")
-    until(page, lambda: text(page, "count").startswith(f"{service.get('studies/1')['jobs_total']} jobs, "))
+    until(page, lambda: text_of(page, "count").startswith(f"{service.get('studies/1')['jobs_total']} jobs, "))
     submit(page)
     until(page, lambda: page.current_url.endswith("/studies/2"))
     assert service.get("studies/2")["name"] == "demo"
@@ -101,12 +101,12 @@ def test_a_named_study_is_chosen_with_what_it_measures(page: Chrome, service: Se
 
 def test_a_double_submit_is_one_study(page: Chrome, service: Service) -> None:
     page.get(f"{address(service)}/submit")
-    until(page, lambda: text(page, "count") != "")
+    until(page, lambda: text_of(page, "count") != "")
     page.execute_script("const form = document.forms[0]; form.requestSubmit(); form.requestSubmit()")
     until(page, lambda: page.current_url.endswith("/studies/1"))
     assert len([url for url in requested(page) if url.endswith("/api/v1/studies")]) == 2
     page.get(f"{address(service)}/submit")  # Loaded anew: a study of its own.
-    until(page, lambda: text(page, "count") != "")
+    until(page, lambda: text_of(page, "count") != "")
     submit(page)
     until(page, lambda: page.current_url.endswith("/studies/2"))
     assert {job["study"] for job in service.get("jobs")["jobs"]} == {1, 2}
@@ -116,22 +116,22 @@ def test_progress_and_the_time_left_are_shown_as_it_goes_on(page: Chrome, servic
     asked = {"scenes": "cornell-box", "axes": {"traversal": "paper"}, "size": 16, "frames": 3, "rounds": 3}
     study = service.post("studies", name="mine", **asked)
     page.get(f"{address(service)}/studies/1")
-    assert (text(page, "slices"), text(page, "left")) == ("0 of 12 slices", "")
+    assert (text_of(page, "slices"), text_of(page, "left")) == ("0 of 12 slices", "")
     page.execute_script("window.mark = 'kept'")
     first, *others = [job["id"] for job in study["jobs"]]
     end_round(service, [first], 0, 90)
-    until(page, lambda: text(page, "left") == "about 10 min left")
+    until(page, lambda: text_of(page, "left") == "about 10 min left")
     end_round(service, others, 0, 90)
     end_round(service, [first], 1, 30)
-    until(page, lambda: text(page, "left") == "about 4 min left")
-    assert text(page, "slices") == "5 of 12 slices"
+    until(page, lambda: text_of(page, "left") == "about 4 min left")
+    assert text_of(page, "slices") == "5 of 12 slices"
     assert page.execute_script("return window.mark") == "kept"
     page.get(f"{address(service)}/studies")
     assert "about 4 min left" in page.find_element(By.CSS_SELECTOR, "tbody tr").text
     page.get(f"{address(service)}/studies/1")
-    assert text(page, "left") == "about 4 min left"
+    assert text_of(page, "left") == "about 4 min left"
     page.find_element(By.CSS_SELECTOR, "[data-cancel]").click()
-    until(page, lambda: (text(page, "state"), text(page, "left")) == ("done", ""))
+    until(page, lambda: (text_of(page, "state"), text_of(page, "left")) == ("done", ""))
 
 
 def test_a_study_of_thousands_of_jobs_is_shown_by_scene(page: Chrome, service: Service) -> None:
