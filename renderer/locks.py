@@ -10,6 +10,7 @@ import fcntl
 import hashlib
 import os
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -34,9 +35,13 @@ def device_lock(device: str) -> Path:
 def holding(path: Path, when_busy: Callable[[], None] = lambda: None) -> Iterator[None]:
     """Wait until nobody else holds the lock (after one call of `when_busy`), and hold it to the end of the block.
 
-    The kernel frees it when the holding process is gone, however it ended.
+    The kernel frees it when the holding process is gone, however it ended. Raises RuntimeError where this thread holds
+    it already, for it would wait for ever.
     """
+    if path in _own.paths:
+        raise RuntimeError(f"This thread holds {path.name} already: take it once, around all that needs it.")
     handle = _open(path)
+    _own.paths.add(path)
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -45,7 +50,18 @@ def holding(path: Path, when_busy: Callable[[], None] = lambda: None) -> Iterato
             fcntl.flock(handle, fcntl.LOCK_EX)
         yield
     finally:
+        _own.paths.remove(path)
         os.close(handle)
+
+
+class _Own(threading.local):
+    """What a thread holds or waits for."""
+
+    def __init__(self) -> None:
+        self.paths: set[Path] = set()
+
+
+_own = _Own()
 
 
 def _open(path: Path) -> int:

@@ -176,11 +176,11 @@ class Pilot:
         return min(frames.cpu) if self.clock == "cpu" and frames.cpu else median(frames.wall)
 
     def _judge(self, label: str, size: Size) -> Judged:
-        ready = _sized(self._ready(label), size)
+        ready, plan = _sized(self._ready(label), size), self._plan(label, size)
         with holding(self.host.lock), self._timed("judging"):
-            plan = ready.plan(instrument=True)
-            records = records_of(ready, plan, self.host.collect(plan))
-            timed = self.host.measure(self._plan(label, size), 1, lambda: None)
+            instrumented = ready.plan(instrument=True)
+            records = records_of(ready, instrumented, self.host.collect(instrumented))
+            timed = self.host.measure(plan, 1, lambda: None)
         with holding(machine_lock()), self._timed("judging"):
             refuse_apart(self.scene, records, self.base.rays, timed.image)
             intersector = ready.request.variant.intersector
