@@ -130,9 +130,19 @@ def parents_first(child: Ints, count: Ints, root: int) -> Ints:
 
 
 @jit
+def triangles_below(child: Ints, count: Ints, nodes: Ints) -> Ints:
+    """Of every node the slots of the leaves below it; parents come first in `nodes`."""
+    found = count.copy()
+    for i in range(len(nodes) - 1, -1, -1):
+        if count[nodes[i]] == 0:
+            found[nodes[i]] = found[child[nodes[i]]] + found[child[nodes[i]] + 1]
+    return found
+
+
+@jit
 def _leaves(nodes: Ints, box: Floats, child: Ints, count: Ints, traversal: float, intersection: float) -> Flags:
     """Which nodes are leaves in the tree of least SAH cost whose nodes are all among these."""
-    size, least = count.copy(), np.empty(len(child), np.float64)
+    size, least = triangles_below(child, count, nodes), np.empty(len(child), np.float64)
     leaf = count > 0
     flat = not row_area(box, 0) > 0.0
     for i in range(len(nodes) - 1, -1, -1):
@@ -142,7 +152,6 @@ def _leaves(nodes: Ints, box: Floats, child: Ints, count: Ints, traversal: float
             least[node] = area * intersection * count[node]
             continue
         left = child[node]
-        size[node] = size[left] + size[left + 1]
         inner = area * traversal + least[left] + least[left + 1]
         merged = area * intersection * size[node]
         leaf[node] = size[node] <= MAX_BVH_LEAF and merged <= inner

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.loose import Loose, adopt, copied, parents_first
+from renderer.build.loose import Loose, adopt, copied, parents_first, triangles_below
 from renderer.build.parallel import each
 from renderer.build.spatial_split import row_area
 from renderer.build.tree import MAX_BVH_LEAF, Floats, Ints, SahCosts
@@ -58,21 +58,12 @@ def regrouped(tree: Loose, costs: SahCosts) -> Loose:
     if not row_area(after.box, 0) > 0.0:
         return after
     nodes = parents_first(after.child, after.size, 0)
-    below = _Below(_triangles(after.child, after.size, nodes), np.empty(len(after.child), np.float64))
+    below = _Below(triangles_below(after.child, after.size, nodes), np.empty(len(after.child), np.float64))
     large = below.triangles > TASK
     roots = nodes[~large[nodes] & ((nodes == 0) | large[after.parent[nodes]])]
     each([partial(_regroup_from, *after, below, root, costs.traversal, costs.intersection) for root in roots])
     _regroup_all(*after, below, nodes[large[nodes]], costs.traversal, costs.intersection)
     return after
-
-
-@jit
-def _triangles(child: Ints, size: Ints, nodes: Ints) -> Ints:
-    found = size.copy()
-    for i in range(len(nodes) - 1, -1, -1):
-        if size[nodes[i]] == 0:
-            found[nodes[i]] = found[child[nodes[i]]] + found[child[nodes[i]] + 1]
-    return found
 
 
 @jit

@@ -43,20 +43,21 @@ def pack_primitives(places: Corners, normals: Corners | None, order: Ints | None
     """
     ids = np.arange(len(places.rows), dtype=np.int32) if order is None else order
     inside = normals is not None and layout != "split"
-    words = np.zeros((len(ids), 3 if not inside else 5 if layout == "compact" else 6, 4), np.uint32)
+    compact = inside and layout == "compact"
+    words = np.zeros((len(ids), 5 if compact else 6 if inside else 3, 4), np.uint32)
     apart = None if normals is None or inside else np.zeros((len(ids), 3, 4), np.uint32)
     for begin in range(0, len(ids), _BLOCK):
         block = slice(begin, begin + _BLOCK)
         own, own_ids = words[block], ids[block]
         # -0.0 becomes 0.0, as in `unsigned_zeros`.
         own.view(np.float32)[:, :3, :3] = places.values[places.rows[own_ids]] + np.float32(0.0)
-        own[:, 3 if inside and layout == "compact" else 0, 3] = own_ids
+        own[:, 3 if compact else 0, 3] = own_ids
         if normals is None:
             continue
         shading = normals.values[normals.rows[own_ids]].view(np.uint32)
         if apart is not None:
             apart[block, :, :3] = shading
-        elif layout == "compact":
+        elif compact:
             own[:, :3, 3], own[:, 3:, :3] = shading[:, 0], shading[:, 1:]
         else:
             own[:, 3:, :3] = shading

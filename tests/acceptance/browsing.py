@@ -63,15 +63,23 @@ def until(browser: Chrome, condition: Callable[[], object], seconds: float = 30)
 @contextmanager
 def screen(browser: Chrome, width: int, scheme: str = "light", *, mobile: bool = False) -> Iterator[None]:
     """While it lasts pages are shown in a width of pixels and a colour scheme."""
-    size = {"width": width, "height": 1200, "deviceScaleFactor": 1, "mobile": mobile}
-    feature = {"name": "prefers-color-scheme", "value": scheme}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
+    set_screen(browser, width, scheme, mobile=mobile)
     try:
         yield
     finally:
-        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+        reset_screen(browser)
+
+
+def set_screen(browser: Chrome, width: int, scheme: str = "light", *, mobile: bool = False) -> None:
+    size = {"width": width, "height": 1200, "deviceScaleFactor": 1, "mobile": mobile}
+    feature = {"name": "prefers-color-scheme", "value": scheme}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": [feature]})
+
+
+def reset_screen(browser: Chrome) -> None:
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})
 
 
 def fits(browser: Chrome) -> bool:

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 import httpx
 import pytest
-from browsing import fits, log, module_browser, requested, until, wrong
+from browsing import fits, log, module_browser, requested, reset_screen, set_screen, until, wrong
 from paper_documents import World, with_pictures
 from selenium.webdriver import Chrome
 from selenium.webdriver.common.by import By
@@ -86,8 +86,7 @@ def page(browser: Chrome) -> Iterator[Chrome]:
     log(browser, "browser")
     yield browser
     assert wrong(browser) == []
-    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})
+    reset_screen(browser)
     browser.execute_cdp_cmd("Network.emulateNetworkConditions", _network(offline=False))
 
 
@@ -186,10 +185,7 @@ def test_without_results_it_says_so(service: Service, path: str, study: str, wor
 def _open(page: Chrome, url: str, scheme: str, width: int, offline: bool = False) -> None:
     page.execute_cdp_cmd("Network.enable", {})
     page.execute_cdp_cmd("Network.emulateNetworkConditions", _network(offline=offline))
-    size = {"width": width, "height": 1200, "deviceScaleFactor": 1, "mobile": False}
-    page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    feature = {"name": "prefers-color-scheme", "value": scheme}
-    page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": [feature]})
+    set_screen(page, width, scheme)
     page.get("about:blank")  # An address that differs in its fragment alone would not load again.
     page.get(url)
 
