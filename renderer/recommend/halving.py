@@ -13,6 +13,7 @@ import math
 import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from statistics import NormalDist, variance
 
 from renderer.times.difference import NEGLIGIBLE, share_interval
@@ -26,6 +27,8 @@ PILOT_SHARE = 1 / 16
 MOST_SHARE = 1 / 4
 LEAST_PIXELS = 128 * 128
 PILOT_ROUNDS = 3
+EARLY_ROUNDS = 2
+"""After so many rounds of a rung, who is clearly FAR slower is spared the rest: the slowest take most of the time."""
 FINALISTS = 3
 ROUNDS = 8
 """Rounds of the confirmation: enough for an interval of two comparisons that hold together with 95 % confidence."""
@@ -146,7 +149,7 @@ class _Search:
         self, candidates: Sequence[Candidate], measure: Measure, judge: Judge, terms: Terms, tell: Tell
     ) -> None:
         self.memory = {one.label: one.memory for one in candidates}
-        self.measure, self.judge, self.terms, self.tell = measure, judge, terms, tell
+        self.measure, self.judge, self.terms, self.tell = measure, cache(judge), terms, tell
         self.chance = random.Random(terms.seed)
         self.verdict = Verdict()
 
@@ -167,9 +170,10 @@ class _Search:
     def _rung(self, alive: Sequence[str], size: Size) -> tuple[list[str], dict[str, Eliminated]]:
         """Who is left after one rung, the fastest first, and how each of them stood."""
         self.tell(f"{len(alive)} variants at {size[0]}x{size[1]}")
-        times = self._rounds(alive, size, PILOT_ROUNDS)
-        standing = Standing(times)
+        times = self._rounds({label: [] for label in alive}, size, EARLY_ROUNDS)
         half = max(FINALISTS, math.ceil(len(times) / 2))
+        near = self._without_far(times, size)
+        standing = Standing(self._rounds(near, size, PILOT_ROUNDS - EARLY_ROUNDS))
         kept: list[str] = []
         for label in standing.order:
             leader = kept[0] if kept else None
@@ -178,14 +182,28 @@ class _Search:
                 if standing.is_slower(label, leader, margin):
                     self.verdict.eliminated.append(standing.against(label, leader, size))
                     continue
-            if self._passes(label, size, clearly=True):
+            if self._passes(label, size):
                 kept.append(label)
         self.verdict.rungs.append(Rung(size, len(alive), len(kept), PILOT_ROUNDS))
         return kept, {label: standing.against(label, kept[0], size) for label in kept}
 
-    def _rounds(self, labels: Sequence[str], size: Size, count: int) -> dict[str, list[float]]:
-        """Times of those that ran in every round."""
-        times: dict[str, list[float]] = {label: [] for label in labels}
+    def _without_far(self, times: Mapping[str, list[float]], size: Size) -> dict[str, list[float]]:
+        """The times of those that are not clearly FAR slower than the fastest that keeps the budgets."""
+        standing = Standing(times)
+        leader = next((label for label in standing.order if self._passes(label, size)), None)
+        if leader is None:
+            return {}
+        near = {leader: times[leader]}
+        for label in standing.order[standing.order.index(leader) + 1 :]:
+            if standing.is_slower(label, leader, FAR):
+                self.verdict.eliminated.append(standing.against(label, leader, size))
+            else:
+                near[label] = times[label]
+        return near
+
+    def _rounds(self, before: Mapping[str, list[float]], size: Size, count: int) -> dict[str, list[float]]:
+        """The times `before` and of `count` rounds more, of those that ran in every round."""
+        times = {label: list(own) for label, own in before.items()}
         for _ in range(count):
             order = list(times)
             self.chance.shuffle(order)
@@ -197,14 +215,14 @@ class _Search:
                     times[label].append(outcome)
         return times
 
-    def _passes(self, label: str, size: Size, *, clearly: bool) -> bool:
-        """Whether a variant keeps the error budget; with `clearly`, one that may keep it on more rays does."""
+    def _passes(self, label: str, size: Size) -> bool:
+        """Whether a variant keeps the error budget, as one does that may keep it on more rays."""
         outcome = self.judge(label, size)
         if isinstance(outcome, str):
             self.verdict.failed[label] = outcome
             return False
         least = outcome.wrong
-        if clearly and outcome.rays:
+        if outcome.rays:
             least = share_interval(round(outcome.wrong * outcome.rays), outcome.rays)[0]
         if least <= self.terms.error:
             return True
@@ -230,7 +248,7 @@ class _Search:
                 chosen.append(label)
                 judged[label] = outcome
         self.tell(f"{len(chosen)} variants at {self.terms.size[0]}x{self.terms.size[1]}")
-        times = self._rounds(chosen, self.terms.size, self.terms.rounds) if chosen else {}
+        times = self._rounds({label: [] for label in chosen}, self.terms.size, self.terms.rounds)
         if not times and waiting:
             self._confirm(waiting, standing)
             return
