@@ -31,12 +31,12 @@ from renderer.variant import Variant
 from scenes.load import load
 
 VARIANTS = (
-    Variant("bvh-stack", "compute", nodes="grid16"),
-    Variant("bvh-skip-octants", "compute", nodes="grid16"),
-    Variant("bvh4-stack", "compute", nodes="quant8"),
-    Variant("bvh-packet-4x2", "compute", nodes="grid16"),
-    Variant("bvh-restart-trail", "compute"),
-    Variant("kd-push-down", "compute"),
+    Variant("bvh-stack", "compute", nodes="grid16", fetch="image"),
+    Variant("bvh-skip-octants", "compute", nodes="grid16", fetch="image"),
+    Variant("bvh4-stack", "compute", nodes="quant8", fetch="image"),
+    Variant("bvh-packet-4x2", "compute", nodes="grid16", fetch="image"),
+    Variant("bvh-restart-trail", "compute", fetch="image"),
+    Variant("kd-push-down", "compute", fetch="image"),
 )
 BUILDS: tuple[tuple[Kind, Builder], ...] = (
     ("bvh", "sah"),
