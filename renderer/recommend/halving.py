@@ -171,35 +171,26 @@ class _Search:
         """Who is left after one rung, the fastest first, and how each of them stood."""
         self.tell(f"{len(alive)} variants at {size[0]}x{size[1]}")
         times = self._rounds({label: [] for label in alive}, size, EARLY_ROUNDS)
+        near, _ = self._sift(times, size, len(times))
         half = max(FINALISTS, math.ceil(len(times) / 2))
-        near = self._without_far(times, size)
-        standing = Standing(self._rounds(near, size, PILOT_ROUNDS - EARLY_ROUNDS))
-        kept: list[str] = []
-        for label in standing.order:
-            leader = kept[0] if kept else None
-            if leader is not None:
-                margin = MARGIN if len(kept) >= half else FAR
-                if standing.is_slower(label, leader, margin):
-                    self.verdict.eliminated.append(standing.against(label, leader, size))
-                    continue
-            if self._passes(label, size):
-                kept.append(label)
+        times = self._rounds({label: times[label] for label in near}, size, PILOT_ROUNDS - EARLY_ROUNDS)
+        kept, standing = self._sift(times, size, half)
         self.verdict.rungs.append(Rung(size, len(alive), len(kept), PILOT_ROUNDS))
         return kept, {label: standing.against(label, kept[0], size) for label in kept}
 
-    def _without_far(self, times: Mapping[str, list[float]], size: Size) -> dict[str, list[float]]:
-        """The times of those that are not clearly FAR slower than the fastest that keeps the budgets."""
+    def _sift(self, times: Mapping[str, list[float]], size: Size, faster: int) -> tuple[list[str], Standing]:
+        """Who is not clearly slower than the fastest that keeps the error budget, by FAR among the first `faster`."""
         standing = Standing(times)
-        leader = next((label for label in standing.order if self._passes(label, size)), None)
-        if leader is None:
-            return {}
-        near = {leader: times[leader]}
-        for label in standing.order[standing.order.index(leader) + 1 :]:
-            if standing.is_slower(label, leader, FAR):
-                self.verdict.eliminated.append(standing.against(label, leader, size))
+        kept: list[str] = []
+        for label in standing.order:
+            margin = MARGIN if len(kept) >= faster else FAR
+            if not kept:
+                kept += [label] if self._passes(label, size) else []
+            elif standing.is_slower(label, kept[0], margin):
+                self.verdict.eliminated.append(standing.against(label, kept[0], size))
             else:
-                near[label] = times[label]
-        return near
+                kept.append(label)
+        return kept, standing
 
     def _rounds(self, before: Mapping[str, list[float]], size: Size, count: int) -> dict[str, list[float]]:
         """The times `before` and of `count` rounds more, of those that ran in every round."""

@@ -150,10 +150,12 @@ def test_whoever_is_spared_a_rung_s_last_rounds_is_far_slower() -> None:
     assert sum(ratio < 1 + FAR / 2 for ratio in spared) < len(spared) / 200
 
 
-def test_nobody_is_judged_twice_at_one_size() -> None:
-    device = Device(5, 45)
-    run(device)
-    assert len(device.judged) == len(set(device.judged))
+def test_only_what_leads_and_is_confirmed_is_judged_and_once_at_a_size() -> None:
+    for seed in SEEDS:
+        device = Device(seed, 45)
+        found = run(device)
+        assert len(device.judged) == len(set(device.judged)), f"seed {seed}"
+        assert len(device.judged) <= 2 * len(found.rungs) + len(found.finalists), f"seed {seed}"
 
 
 def test_an_error_that_only_the_full_size_shows_lets_the_next_one_in() -> None:
