@@ -1,7 +1,7 @@
 """Names the fastest variant within budgets: a pilot by successive halving, then a confirmation at the size asked for.
 
 Successive halving (Jamieson and Talwalkar, Non-stochastic Best Arm Identification and Hyperparameter Optimization,
-2016) gives each rung about the same time: at most the slower half goes, and those that stay are measured on twice the
+2016) gives each rung about the same time: about the slower half goes, and those that stay are measured on twice the
 pixels. Nobody goes who is not clearly slower than the fastest that keeps the budgets. Every round measures all that are
 left, one after the other, and only ratios within a round count. This file knows nothing of devices: whoever calls it
 measures.

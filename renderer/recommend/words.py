@@ -25,8 +25,8 @@ def write_verdict(found: Verdict, terms: Terms) -> str:
     if found.unconfirmed:
         first = found.unconfirmed[0]
         sentences.append(
-            f"{len(found.unconfirmed)} more could not be told apart from {first.leader} in the pilot and were not "
-            f"measured at the full size."
+            f"{len(found.unconfirmed)} more could not be told apart from {first.leader} in the pilot and were "
+            f"neither judged nor measured at the full size."
         )
     return " ".join(sentences)
 
