@@ -184,11 +184,9 @@ class _Search:
         kept: list[str] = []
         for label in standing.order:
             margin = MARGIN if len(kept) >= faster else FAR
-            if not kept:
-                kept += [label] if self._passes(label, size) else []
-            elif standing.is_slower(label, kept[0], margin):
+            if kept and standing.is_slower(label, kept[0], margin):
                 self.verdict.eliminated.append(standing.against(label, kept[0], size))
-            else:
+            elif kept or self._passes(label, size):
                 kept.append(label)
         return kept, standing
 

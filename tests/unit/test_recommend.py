@@ -127,8 +127,8 @@ def test_budgets_exclude_and_say_so() -> None:
 
 def test_variants_that_fail_the_error_budget_eliminate_nobody() -> None:
     """The fastest half is wrong: the best of the others is found all the same."""
-    misses = []
-    for seed in SEEDS:
+    misses, seeds = [], range(300)
+    for seed in seeds:
         device = Device(seed, 24)
         order = sorted(device.speed, key=device.true)
         device.wrong = dict.fromkeys(order[:12], 0.02)
@@ -137,7 +137,7 @@ def test_variants_that_fail_the_error_budget_eliminate_nobody() -> None:
         if device.true(found.pick.label) > 1.06 * device.true(order[12]):
             misses.append(seed)
         assert all(gone.leader not in device.wrong for gone in found.eliminated), f"seed {seed}"
-    assert len(misses) <= len(SEEDS) // 20, f"seeds {misses} picked one more than 6 % slower than the best"
+    assert len(misses) <= len(seeds) // 50, f"seeds {misses} picked one more than 6 % slower than the best"
 
 
 def test_whoever_is_spared_a_rung_s_last_rounds_is_far_slower() -> None:
