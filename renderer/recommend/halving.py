@@ -158,25 +158,31 @@ class _Search:
         found.over_memory = {label: n for label, n in self.memory.items() if most is not None and n > most}
         alive = [label for label in self.memory if label not in found.over_memory]
         standing: dict[str, Eliminated] = {}
+        times: dict[str, list[float]] = {}
+        measured_at: Size | None = None
         for size in pilot_sizes(self.terms.size):
             if len(alive) <= FINALISTS:
                 break
-            alive, standing = self._rung(alive, size)
+            before: dict[str, list[float]] = {label: times[label] if size == measured_at else [] for label in alive}
+            alive, standing, times = self._rung(before, size)
+            measured_at = size
         self._confirm(alive, standing)
         return found
 
     # The pilot
 
-    def _rung(self, alive: Sequence[str], size: Size) -> tuple[list[str], dict[str, Eliminated]]:
-        """Who is left after one rung, the fastest first, and how each of them stood."""
-        self.tell(f"{len(alive)} variants at {size[0]}x{size[1]}")
-        times = self._rounds({label: [] for label in alive}, size, EARLY_ROUNDS)
+    def _rung(
+        self, before: Mapping[str, list[float]], size: Size
+    ) -> tuple[list[str], dict[str, Eliminated], dict[str, list[float]]]:
+        """Who is left after one rung, the fastest first, how each of them stood, and all times at this size."""
+        self.tell(f"{len(before)} variants at {size[0]}x{size[1]}")
+        times = self._rounds(before, size, EARLY_ROUNDS)
         near, _ = self._sift(times, size, len(times))
         half = max(FINALISTS, math.ceil(len(times) / 2))
         times = self._rounds({label: times[label] for label in near}, size, PILOT_ROUNDS - EARLY_ROUNDS)
         kept, standing = self._sift(times, size, half)
-        self.verdict.rungs.append(Rung(size, len(alive), len(kept), PILOT_ROUNDS))
-        return kept, {label: standing.against(label, kept[0], size) for label in kept}
+        self.verdict.rungs.append(Rung(size, len(before), len(kept), PILOT_ROUNDS))
+        return kept, {label: standing.against(label, kept[0], size) for label in kept}, times
 
     def _sift(self, times: Mapping[str, list[float]], size: Size, faster: int) -> tuple[list[str], Standing]:
         """Who is not clearly slower than the fastest that keeps the error budget, by FAR among the first `faster`."""
@@ -315,7 +321,10 @@ class Standing:
 
 
 def pilot_sizes(size: Size) -> list[Size]:
-    """The sizes of the pilot's rungs: of the same shape, each with twice the pixels of the one before."""
+    """The sizes of the pilot's rungs: of the same shape, each with twice the pixels of the one before.
+
+    The last is measured twice, and the second time adds to the first.
+    """
     sizes: list[Size] = []
     share = PILOT_SHARE
     while True:

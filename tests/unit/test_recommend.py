@@ -13,6 +13,7 @@ from renderer.recommend.halving import (
     EARLY_ROUNDS,
     FAR,
     MARGIN,
+    PILOT_ROUNDS,
     Candidate,
     Judged,
     Size,
@@ -148,6 +149,15 @@ def test_whoever_is_spared_a_rung_s_last_rounds_is_far_slower() -> None:
         spared += [device.true(gone.label, gone.size) / device.true(gone.leader, gone.size) for gone in early]
     assert len(spared) > 15 * len(SEEDS)
     assert sum(ratio < 1 + FAR / 2 for ratio in spared) < len(spared) / 200
+
+
+def test_the_last_rung_adds_its_rounds_to_those_of_the_one_before_at_its_size() -> None:
+    device = Device(5, 12)
+    device.speed = {label: 1e-6 * (1 + i / 500) for i, label in enumerate(device.speed)}
+    found = run(device)
+    assert found.rungs[-1].size == found.rungs[-2].size
+    assert found.unconfirmed
+    assert all(one.rounds == 2 * PILOT_ROUNDS for one in found.unconfirmed)
 
 
 def test_only_what_leads_and_is_confirmed_is_judged_and_once_at_a_size() -> None:
