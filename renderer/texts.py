@@ -122,6 +122,7 @@ def _in_cells(variant: Variant) -> bool:
 
 
 def _defines(form: Form) -> dict[str, int]:
+    row = TRAVERSALS[form.variant.traversal]
     defines = {
         "INSTRUMENT": int(form.instrument),
         "READS": int(form.reads),
@@ -129,14 +130,15 @@ def _defines(form: Form) -> dict[str, int]:
         "NORMALS": int(form.normals),
         "SHADE": int(form.shade),
         "SLAB_GROWN": int(form.variant.intersector == "watertight"),
+        "SLAB_ALIKE": int(row.packet and row.nodes == "skip-octants"),
         "BOX_CELLS": int(_in_cells(form.variant)),
     }
-    match TRAVERSALS[form.variant.traversal].state:
+    match row.state:
         case "stack":
             defines["STACK_SIZE"] = max(form.depth, 1)
         case "trail" | "short trail":
             defines["TRAIL_WORDS"] = 1 if form.depth <= 32 else 2
-    if TRAVERSALS[form.variant.traversal].state.startswith("short"):
+    if row.state.startswith("short"):
         defines["SHORT_STACK"] = SHORT_STACK
     if form.tail_at is not None:
         defines["TAIL_AT"] = form.tail_at

@@ -15,6 +15,9 @@ vec3 packet_slab_origin[PACKET];
 vec3 packet_inverse[PACKET];
 vec3 packet_stay[PACKET];
 uint packet_octant[PACKET];
+#if SLAB_ALIKE
+uint packet_way;  // the octant of the rays that walk now
+#endif
 #if SLAB_GROWN
 vec3 packet_above[PACKET];
 vec3 packet_below[PACKET];
@@ -85,7 +88,11 @@ void packet_aim(int k, const bool one_eye) {
     slab_origin = packet_slab_origin[one_eye ? 0 : k];
     slab_inverse = packet_inverse[k];
     slab_stay = packet_stay[k];
+#if SLAB_ALIKE
+    slab_octant = packet_way;
+#else
     slab_octant = packet_octant[k];
+#endif
 #if SLAB_GROWN
     slab_above = packet_above[k];
     slab_below = packet_below[k];

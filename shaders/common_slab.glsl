@@ -108,3 +108,26 @@ float slab_entry(vec3 lower, vec3 upper) {
 float slab_exit(vec3 lower, vec3 upper) {
     return slab_last(max(slab_lower_t(lower), slab_upper_t(upper)));
 }
+
+// Where a ray enters the box around three points, and where it leaves it, widened. For rays that run alike (SLAB_ALIKE) the
+// nearer and the farther faces are found once: rounding keeps order, so these are the same bits. `away` is `a` less the origin.
+void slab_cross(vec3 a, vec3 b, vec3 c, vec3 away, out float entry, out float leave) {
+#if SLAB_ALIKE
+    vec3 lower = mix(a, b, lessThan(b, a));
+    vec3 upper = mix(a, b, greaterThan(b, a));
+    lower = mix(lower, c, lessThan(c, lower));
+    upper = mix(upper, c, greaterThan(c, upper));
+    ivec3 first = slab_t(mix(lower, upper, slab_backward()));
+    // A face behind the origin counts before one at -0, as it does below.
+    ivec3 last = max(first, slab_t(mix(upper, lower, slab_backward())));
+#else
+    ivec3 at_a = slab_along(away);
+    ivec3 at_b = slab_t(b);
+    ivec3 at_c = slab_t(c);
+    ivec3 first = min(at_a, min(at_b, at_c));
+    ivec3 last = max(at_a, max(at_b, at_c));
+#endif
+    entry = slab_first(first);
+    PRECISE float widened = slab_last(last) * WIDEN;
+    leave = widened;
+}

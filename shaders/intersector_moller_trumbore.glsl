@@ -22,11 +22,8 @@ void intersect(uint slot) {
     PRECISE float v = dot(ray_direction, q) * inverse;
     PRECISE float t = dot(ac, q) * inverse;
 
-    ivec3 at_a = slab_along(away);
-    ivec3 at_b = slab_t(b);
-    ivec3 at_c = slab_t(c);
-    float entry = slab_first(min(at_a, min(at_b, at_c)));
-    PRECISE float leave = slab_last(max(at_a, max(at_b, at_c))) * WIDEN;
+    float entry, leave;
+    slab_cross(a, b, c, away, entry, leave);
     bool inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && entry <= leave;
     take_hit(inside, clamp(t, entry, leave), slot, id);
 }

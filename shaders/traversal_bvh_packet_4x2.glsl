@@ -1,6 +1,6 @@
-// Blocks of 4x2 pixels share an invocation (`common_packet_walk.glsl`).
+// Blocks of 4x2 pixels share an invocation (`common_packet_stack.glsl`).
 #define PACKET_WIDTH 4
 #define PACKET_HEIGHT 2
 #define PACKET_GROUP 8
 #define PACKET_INTERVAL 0
-#include "common_packet_walk.glsl"
+#include "common_packet_stack.glsl"

@@ -3,4 +3,4 @@
 #define PACKET_HEIGHT 2
 #define PACKET_GROUP 8
 #define PACKET_INTERVAL 1
-#include "common_packet_walk.glsl"
+#include "common_packet_stack.glsl"

@@ -1,45 +1,13 @@
 #include "common_packet.glsl"
+#include "common_packet_leaf.glsl"
 #include "common_stack.glsl"
 
 // The stack traversal (`traversal_bvh_stack.glsl`) of a packet: a node is entered if any ray enters its box, the first
 // ray's near child goes first, and a leaf's triangles are tested by every ray. Where any hit will do its far child does:
-// shadow rays begin apart and meet at a light. Rays see every box that a single ray would, so they find the same hits. A
-// fetch counts for one ray of the packet, in turn: a ray's share is what it costs.
-#if INSTRUMENT
-uint packet_turn;
-
-void packet_fetched(uint nodes, uint words) {
-    for (int k = 0; k < PACKET; k++) {
-        bool own = packet_turn % uint(PACKET) == uint(k);
-        packet_counted[k].x += own ? nodes : 0u;
-        packet_words[k] += own ? words : 0u;
-    }
-    packet_turn += 1u;
-}
-
-void packet_visited(int k, uint link) {
-    packet_counted[k].y += uint(node_axis(link) != LEAF);
-    packet_counted[k].z += uint(node_axis(link) == LEAF && node_count(link) > 0u);
-}
-#define PACKET_FETCHED(nodes, words) packet_fetched(nodes, uint(words))
-#define PACKET_VISITED(k, hit, link) if (hit) { packet_visited(k, link); }
-#else
-#define PACKET_FETCHED(nodes, words)
-#define PACKET_VISITED(k, hit, link)
-#endif
-
+// shadow rays begin apart and meet at a light. Rays see every box that a single ray would, so they find the same hits.
 #if PACKET_INTERVAL
 #include "common_packet_interval.glsl"
 #endif
-
-// How far the farthest-reaching ray looks.
-float packet_reach() {
-    float farthest = packet_t[0];
-    for (int k = 1; k < PACKET; k++) {
-        farthest = max(farthest, packet_t[k]);
-    }
-    return farthest;
-}
 
 bool packet_enters(uint node, const bool one_eye, out uint link) {
     PACKET_FETCHED(1u, NODE_WORDS);
@@ -64,25 +32,6 @@ bool packet_enters(uint node, const bool one_eye, out uint link) {
     }
 #endif
     return entered;
-}
-
-void packet_intersect(uint slot, const bool any_hit, const bool one_eye) {
-    PACKET_FETCHED(0u, TEST_WORDS);
-    for (int k = 0; k < PACKET; k++) {
-        packet_take(k, one_eye);
-        intersect(slot);
-        packet_t[k] = any_hit && hit_id != NO_PRIMITIVE ? NEVER : hit_t;
-        packet_slot[k] = hit_slot;
-        packet_id[k] = hit_id;
-#if INSTRUMENT
-        packet_counted[k].w += 1u;
-#endif
-    }
-}
-
-// Whether no ray is left that looks for anything.
-bool packet_done() {
-    return packet_reach() < 0.0;
 }
 
 void trace(const bool any_hit) {
@@ -118,12 +67,7 @@ void trace(const bool any_hit) {
         }
         uint slot = node_first(link);
         uint last = slot + (link == STACK_END ? 0u : node_count(link));
-        if (slot < last) {
-            do {
-                packet_intersect(slot, any_hit, one_eye);
-                slot += 1u;
-            } while (slot < last);
-        }
+        packet_intersect_slots(slot, last, any_hit, one_eye);
         bool over = link == STACK_END || (any_hit && packet_done());
         link = over ? STACK_END : stack[max(top, 0)];
         top -= 1;
