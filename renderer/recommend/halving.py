@@ -1,7 +1,7 @@
 """Names the fastest variant within budgets: a pilot by successive halving, then a confirmation at the size asked for.
 
 Successive halving (Jamieson and Talwalkar, Non-stochastic Best Arm Identification and Hyperparameter Optimization,
-2016) gives each rung about the same time: about the slower half goes, and those that stay are measured on twice the
+2016) gives each rung about the same time: about two thirds go, and those that stay are measured on twice the
 pixels. Nobody goes who is not clearly slower than the fastest that keeps the budgets. Every round measures all that are
 left, one after the other, and only ratios within a round count. This file knows nothing of devices: whoever calls it
 measures.
@@ -34,9 +34,9 @@ ROUNDS = 8
 """Rounds of the confirmation: enough for an interval of two comparisons that hold together with 95 % confidence."""
 
 MARGIN = 0.10
-"""Small images rank variants a little otherwise than large ones: in the slower half, past this is clearly slower."""
+"""Small images rank variants a little otherwise: who is behind the first third is clearly slower past this."""
 FAR = 0.5
-"""Clearly slower by more than this goes from the faster half, too."""
+"""Clearly slower by more than this goes from the first third, too."""
 TIE = NEGLIGIBLE / 2
 """Of those that cannot be told apart from the fastest and are estimated within this, the smallest is picked."""
 LEAST_NOISE = 0.005
@@ -178,9 +178,9 @@ class _Search:
         self.tell(f"{len(before)} variants at {size[0]}x{size[1]}")
         times = self._rounds(before, size, EARLY_ROUNDS)
         near, _ = self._sift(times, size, len(times))
-        half = max(FINALISTS, math.ceil(len(times) / 2))
+        third = max(FINALISTS, math.ceil(len(times) / 3))
         times = self._rounds({label: times[label] for label in near}, size, PILOT_ROUNDS - EARLY_ROUNDS)
-        kept, standing = self._sift(times, size, half)
+        kept, standing = self._sift(times, size, third)
         self.verdict.rungs.append(Rung(size, len(before), len(kept), PILOT_ROUNDS))
         return kept, {label: standing.against(label, kept[0], size) for label in kept}, times
 
