@@ -5,7 +5,7 @@
 // the nodes in their octant's order, and those of another octant after them. Where any hit will do the order is that of the
 // opposite octant: shadow rays begin apart and meet at a light. Rays see every box that a single ray would, so they find the
 // same hits.
-const uint STEPS = 16u;     // a walk looks for a leaf in so many steps, then lets the leaves that others found be tested
+const uint STEPS = 16u;     // who found no leaf in so many waits while those that others found are tested
 const uint STOPPED = 256u;  // more than STEPS
 const uint NO_LEAF = 256u;  // the link of a leaf without triangles, which does not end the walk
 
@@ -45,7 +45,7 @@ bool packet_enters(vec3 near, vec3 far, uint link, const bool one_eye) {
     return entered;
 }
 
-// As `skip_walk` of `common_skip.glsl`, whose remarks hold here; a packet looks for a leaf longer than a ray does.
+// As `skip_walk` of `common_skip.glsl`, whose remarks hold here, but that no packet waits longer than STEPS for another's leaf.
 void packet_skip_walk(uint node, const bool any_hit, const bool one_eye) {
     uint link = NO_LEAF;
     do {
