@@ -81,7 +81,7 @@ def seen(grid: Grid, low: Words, high: Words, origin: Doubles, way: Doubles, gro
         "found[i * 4u + 2u] = uint(entry <= slab_least(slab_exit(lower, upper), hit_t) * WIDEN);",
         "found[i * 4u + 3u] = floatBitsToUint(entry);",
     ]
-    text = shader({"BOX_CELLS": 1, "SLAB_GROWN": grown, "INSTRUMENT": 0}, parts, 4, statements)
+    text = shader({"BOX_CELLS": 1, "SLAB_GROWN": grown, "SLAB_ALIKE": 0, "INSTRUMENT": 0}, parts, 4, statements)
     given = np.zeros((len(low), 3, 4), np.uint32)
     given[:, 0, :3] = low | high << 16
     given[:, 1, :3], given[:, 2, :3] = bits(origin), bits(way)
