@@ -123,6 +123,8 @@ def _in_cells(variant: Variant) -> bool:
 
 def _defines(form: Form) -> dict[str, int]:
     row = TRAVERSALS[form.variant.traversal]
+    # Packets over these nodes walk an octant at a time.
+    alike = row.packet and row.nodes == "skip-octants"
     defines = {
         "INSTRUMENT": int(form.instrument),
         "READS": int(form.reads),
@@ -130,7 +132,7 @@ def _defines(form: Form) -> dict[str, int]:
         "NORMALS": int(form.normals),
         "SHADE": int(form.shade),
         "SLAB_GROWN": int(form.variant.intersector == "watertight"),
-        "SLAB_ALIKE": int(row.packet and row.nodes == "skip-octants"),
+        "SLAB_ALIKE": int(alike),
         "BOX_CELLS": int(_in_cells(form.variant)),
     }
     match row.state:

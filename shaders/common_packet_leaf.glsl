@@ -1,4 +1,4 @@
-// What the walks of packets have in common: what is counted, and the triangles of a leaf. A fetch counts for one ray of the
+// What the walks of packets have in common: their start, what is counted, and the triangles of a leaf. A fetch counts for one ray of the
 // packet, in turn: a ray's share is what it costs.
 #if INSTRUMENT
 uint packet_turn;
@@ -23,6 +23,18 @@ void packet_visited(int k, uint link) {
 #define PACKET_VISITED(k, hit, link)
 #endif
 
+// Whether the rays come from one eye, made ready for that.
+bool packet_set_out(const bool any_hit) {
+#if INSTRUMENT
+    packet_turn = 0u;
+#endif
+    bool one_eye = PACKET_EYE != 0 && !any_hit;
+    if (one_eye) {
+        packet_share();
+    }
+    return one_eye;
+}
+
 // How far the farthest-reaching ray looks.
 float packet_reach() {
     float farthest = packet_t[0];
@@ -38,7 +50,9 @@ bool packet_done() {
 }
 
 // The triangles of one leaf, tested by every ray.
-void packet_intersect_slots(uint slot, uint last, const bool any_hit, const bool one_eye) {
+void packet_intersect_slots(uint first, uint count, const bool any_hit, const bool one_eye) {
+    uint slot = first;
+    uint last = first + count;
     if (slot < last) {
         do {
             PACKET_FETCHED(0u, TEST_WORDS);

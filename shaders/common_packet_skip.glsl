@@ -63,19 +63,13 @@ void packet_skip_walk(uint node, const bool any_hit, const bool one_eye) {
             link = stops ? next : link;
             node = entered || leaf ? node + 1u : node_skip(next);
         } while (steps < STEPS);
-        packet_intersect_slots(node_first(link), node_first(link) + node_count(link), any_hit, one_eye);
+        packet_intersect_slots(node_first(link), node_count(link), any_hit, one_eye);
         link = any_hit && packet_done() ? 0u : link;
     } while (link != 0u);
 }
 
 void trace(const bool any_hit) {
-#if INSTRUMENT
-    packet_turn = 0u;
-#endif
-    bool one_eye = PACKET_EYE != 0 && !any_hit;
-    if (one_eye) {
-        packet_share();
-    }
+    bool one_eye = packet_set_out(any_hit);
     uint waiting = 0u;  // a bit a ray
     for (int k = 0; k < PACKET; k++) {
         waiting |= packet_t[k] >= 0.0 ? 1u << k : 0u;

@@ -35,16 +35,10 @@ bool packet_enters(uint node, const bool one_eye, out uint link) {
 }
 
 void trace(const bool any_hit) {
-#if INSTRUMENT
-    packet_turn = 0u;
-#endif
 #if PACKET_INTERVAL
     interval_bound();
 #endif
-    bool one_eye = PACKET_EYE != 0 && !any_hit;
-    if (one_eye) {
-        packet_share();
-    }
+    bool one_eye = packet_set_out(any_hit);
     uint order = any_hit ? packet_octant[0] ^ OCTANT_BITS : packet_octant[0];
     uint root;
     bool entered = packet_enters(0u, one_eye, root);
@@ -65,9 +59,8 @@ void trace(const bool any_hit) {
                 top += int(near_hit) + int(far_hit) - 1;
             } while (node_axis(link) != LEAF);
         }
-        uint slot = node_first(link);
-        uint last = slot + (link == STACK_END ? 0u : node_count(link));
-        packet_intersect_slots(slot, last, any_hit, one_eye);
+        uint count = link == STACK_END ? 0u : node_count(link);
+        packet_intersect_slots(node_first(link), count, any_hit, one_eye);
         bool over = link == STACK_END || (any_hit && packet_done());
         link = over ? STACK_END : stack[max(top, 0)];
         top -= 1;
