@@ -10,6 +10,7 @@ from renderer.jit import jit
 
 Ints = npt.NDArray[np.int32]
 Bytes = npt.NDArray[np.uint8]
+Words = npt.NDArray[np.uint32]
 
 OCTANTS = 8
 
@@ -21,6 +22,45 @@ def depth_first(tree: Bvh, octant: int) -> tuple[Ints, Ints]:
     A node's first child, and what follows a leaf, is at its place + 1.
     """
     return _places(tree.child, tree.count, tree.axis, octant)
+
+
+def lay_out(
+    rows: Words, tree: Bvh, octant: int, faces: tuple[int, int], skip: tuple[int, int], base: int, out: Words
+) -> None:
+    """Put the nodes' rows (n, words) into `out`, in the order of `depth_first` and with near faces for lower ones.
+
+    `faces` are the words where lower and upper faces begin, one and the same where they are a word's low and high
+    halves. `skip` is the word of an inner node, and its first bit there, that gets the place behind its subtree,
+    counted from `base`.
+    """
+    place, after = depth_first(tree, octant)
+    _lay_out(rows, tree.count, place, after, octant, faces, skip, base, out)
+
+
+@jit
+def _lay_out(
+    rows: Words,
+    count: Ints,
+    place: Ints,
+    after: Ints,
+    octant: int,
+    faces: tuple[int, int],
+    skip: tuple[int, int],
+    base: int,
+    out: Words,
+) -> None:
+    half = np.uint32(16)
+    for node in range(len(rows)):
+        row = out[place[node]]
+        row[:] = rows[node]
+        for axis in range(3):
+            low, high = faces[0] + axis, faces[1] + axis
+            if octant >> axis & 1 and low == high:
+                row[low] = row[low] << half | row[low] >> half
+            elif octant >> axis & 1:
+                row[low], row[high] = row[high], row[low]
+        if count[node] == 0:
+            row[skip[0]] |= np.uint32(base + after[node]) << np.uint32(skip[1])
 
 
 @jit

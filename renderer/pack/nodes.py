@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
+from renderer.build.parallel import each
 from renderer.build.tree import KD_LEAF, Bvh, Kd, Tree, WideBvh
 from renderer.pack.grid import Grid, grid_over
 from renderer.pack.primitives import unsigned_zeros
@@ -102,29 +104,28 @@ def _box_words(values: Values, layout: NodeLayout, lower: Face, upper: Face) -> 
 def _depth_first(tree: Bvh, layout: NodeLayout, values: Values, leaf: Flags) -> Words:
     """The nodes in one order, or in an order for each octant; a node of zeros ends each."""
     # The other layouts need no compiler.
-    from renderer.pack.depth_first import OCTANTS, depth_first
+    from renderer.pack.depth_first import OCTANTS, lay_out
 
-    copies = OCTANTS if layout.order == "octants" else 1
-    words = np.zeros((copies, len(leaf) + 1, layout.words), np.uint32)
-    for octant, copy in enumerate(words):
-        place, after = depth_first(tree, octant)
-        base = octant * (len(leaf) + 1)
-        seen = _seen_from(octant, values) | {"skip": after.astype(np.int64) + base}
-        _store_all(copy, copy[:, 0], place, layout, seen, leaf)
+    nodes = len(leaf)
+    rows = np.zeros((nodes, layout.words), np.uint32)
+    unlinked = replace(layout, fields=tuple(field for field in layout.fields if field.name != "skip"))
+    _store_all(rows, rows[:, 0], np.arange(nodes), unlinked, values, leaf)
+    words = np.zeros((OCTANTS if layout.order == "octants" else 1, nodes + 1, layout.words), np.uint32)
+    faces, skip = _face_words(layout), layout.named("skip")
+    _require_room(skip, words.size // layout.words)
+    each(
+        [
+            partial(lay_out, rows, tree, octant, faces, (skip.word, skip.shift), octant * (nodes + 1), copy)
+            for octant, copy in enumerate(words)
+        ]
+    )
     return words.ravel()
 
 
-def _seen_from(octant: int, values: Values) -> Values:
-    """The boxes with near and far faces in place of lower and upper ones."""
-    backward = (octant >> np.arange(3) & 1).astype(bool)
-    turned: Values = {
-        "lower": np.where(backward, values["upper"], values["lower"]),
-        "upper": np.where(backward, values["lower"], values["upper"]),
-    }
-    if "box" in values:
-        box = values["box"].astype(np.uint32)
-        turned["box"] = np.where(backward, box << np.uint32(16) | box >> np.uint32(16), box)
-    return values | turned
+def _face_words(layout: NodeLayout) -> tuple[int, int]:
+    """The words where a box's lower and upper faces begin: one and the same where a word has both."""
+    box = layout.field("box")
+    return (box.word, box.word) if box else (layout.named("lower").word, layout.named("upper").word)
 
 
 def _store_all(
@@ -178,9 +179,15 @@ def _store(words: Words, slots: npt.NDArray[np.generic], field: Field, values: n
     elif field.kind in ("grid16", "half"):
         words[slots, :3] = values
     else:
-        if len(values) and (values.min() < 0 or values.max() >= 1 << field.bits):
-            raise PackError(f"Node field {field.name} needs {values.max()}, more than its {field.bits} bits hold.")
+        if len(values):
+            assert values.min() >= 0
+            _require_room(field, values.max())
         words[slots, 0] |= values.astype(np.uint32) << np.uint32(field.shift)
+
+
+def _require_room(field: Field, most: int) -> None:
+    if most >= 1 << field.bits:
+        raise PackError(f"Node field {field.name} needs {most}, more than its {field.bits} bits hold.")
 
 
 def _append(words: Words, behind: Words, layout: NodeLayout) -> Words:

@@ -69,6 +69,10 @@ class NodeLayout:
         """The field of that name, None where the layout has none."""
         return next((field for field in self.fields if field.name == name), None)
 
+    def named(self, name: str) -> Field:
+        """The field of that name, which the layout has."""
+        return next(field for field in self.fields if field.name == name)
+
 
 _PLANE = (
     Field("split", 0, "float", owner="inner"),
