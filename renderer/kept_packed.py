@@ -13,13 +13,14 @@ import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 
+from renderer.build.parallel import each
 from renderer.pack.api import Packed
 from renderer.pack.grid import Grid
 from renderer.pack.nodes import PackedNodes
@@ -51,7 +52,10 @@ def kept_packed(scene: Scene, request: Request, make: Callable[[], Packed]) -> P
         return found
 
     def write(file: BinaryIO, packed: Packed) -> None:
-        document = _write(packed, lambda array: _keep(folder, array))
+        arrays = list[Array]()
+        _write(packed, arrays.append)
+        told = iter(each([partial(_keep, folder, array) for array in arrays]))
+        document = _write(packed, lambda _: next(told))
         file.write(json.dumps(document).encode())
         _make_room(folder)
 
@@ -66,7 +70,7 @@ def _version() -> str:
     return digest.hexdigest()
 
 
-def _write(value: Any, keep: Callable[[Array], Json]) -> Any:
+def _write(value: Any, keep: Callable[[Array], Json | None]) -> Any:
     if is_dataclass(value):
         return {"kind": type(value).__name__} | {f.name: _write(getattr(value, f.name), keep) for f in fields(value)}
     if isinstance(value, np.ndarray):

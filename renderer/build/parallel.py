@@ -1,4 +1,4 @@
-"""Compiled work on all cores: it runs without Python's lock, so threads do."""
+"""Work on all cores: what is compiled, and most of numpy, runs without Python's lock, so threads do."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from typing import TypeVar
 from renderer.build.progress import Told, untold
 
 Made = TypeVar("Made")
+
+_BLOCK = 1 << 14
 
 
 def threads() -> int:
@@ -25,6 +27,11 @@ def each(tasks: Sequence[Callable[[], Made]], told: Told = untold) -> list[Made]
         made.append(one)
         told(len(made) / len(tasks))
     return made
+
+
+def blocks(count: int) -> list[slice]:
+    """Rows up to `count` in blocks: to be handed memory for temporaries of a million takes longer than to fill it."""
+    return [slice(begin, min(begin + _BLOCK, count)) for begin in range(0, count, _BLOCK)]
 
 
 def _run(task: Callable[[], Made]) -> Made:

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.parallel import each
+from renderer.build.parallel import blocks, each
 from renderer.build.tree import KD_LEAF, Bvh, Kd, Tree, WideBvh
 from renderer.pack.grid import Grid, grid_over
 from renderer.pack.primitives import unsigned_zeros
@@ -96,8 +96,14 @@ def _box_words(values: Values, layout: NodeLayout, lower: Face, upper: Face) -> 
         return None
     grid = grid_over(lower, upper)
     _require_float32(grid)
-    low, high = grid.outward(np.clip(values["lower"], lower, upper), np.clip(values["upper"], lower, upper))
-    values["box"] = low | high << np.uint32(16)
+    values["box"] = words = np.empty(values["lower"].shape, np.uint32)
+
+    def put(block: slice) -> None:
+        faces = values["lower"][block], values["upper"][block]
+        low, high = grid.outward(np.clip(faces[0], lower, upper), np.clip(faces[1], lower, upper))
+        words[block] = low | high << np.uint32(16)
+
+    each([partial(put, block) for block in blocks(len(words))])
     return grid
 
 
@@ -132,7 +138,8 @@ def _store_all(
     words: Words, tail: Words, slots: npt.NDArray[np.generic], layout: NodeLayout, values: Values, leaf: Flags
 ) -> None:
     for field in layout.fields:
-        rows = {"all": np.full(len(leaf), True), "inner": ~leaf, "leaf": leaf}[field.owner]
+        owners: dict[str, slice | Flags] = {"all": slice(None), "inner": ~leaf, "leaf": leaf}
+        rows = owners[field.owner]
         stored = tail[:, None] if field.word == TAIL else words[:, field.word :]
         _store(stored, slots[rows], field, values[field.name][rows])
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
+from renderer.build.parallel import blocks, each
+
 Words = npt.NDArray[np.uint32]
 Floats = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int32]
-
-_BLOCK = 1 << 14  # triangles at once: to be handed memory for a million takes longer than to fill it
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,14 +47,14 @@ def pack_primitives(places: Corners, normals: Corners | None, order: Ints | None
     compact = inside and layout == "compact"
     words = np.zeros((len(ids), 5 if compact else 6 if inside else 3, 4), np.uint32)
     apart = None if normals is None or inside else np.zeros((len(ids), 3, 4), np.uint32)
-    for begin in range(0, len(ids), _BLOCK):
-        block = slice(begin, begin + _BLOCK)
+
+    def lay_out(block: slice) -> None:
         own, own_ids = words[block], ids[block]
         # -0.0 becomes 0.0, as in `unsigned_zeros`.
         own.view(np.float32)[:, :3, :3] = places.values[places.rows[own_ids]] + np.float32(0.0)
         own[:, 3 if compact else 0, 3] = own_ids
         if normals is None:
-            continue
+            return
         shading = normals.values[normals.rows[own_ids]].view(np.uint32)
         if apart is not None:
             apart[block, :, :3] = shading
@@ -61,6 +62,8 @@ def pack_primitives(places: Corners, normals: Corners | None, order: Ints | None
             own[:, :3, 3], own[:, 3:, :3] = shading[:, 0], shading[:, 1:]
         else:
             own[:, 3:, :3] = shading
+
+    each([partial(lay_out, block) for block in blocks(len(ids))])
     return PackedPrimitives(words.ravel(), None if apart is None else apart.ravel())
 
 
