@@ -35,6 +35,7 @@ VARIANTS = (
     Variant("bvh-skip-octants", "compute", nodes="grid16", fetch="image"),
     Variant("bvh4-stack", "compute", nodes="quant8", fetch="image"),
     Variant("bvh-packet-4x2", "compute", nodes="grid16", fetch="image"),
+    Variant("bvh-packet-skip-4x2", "compute", nodes="grid16", fetch="image"),
     Variant("bvh-restart-trail", "compute", fetch="image"),
     Variant("kd-push-down", "compute", fetch="image"),
 )

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from renderer.build import parallel
 from renderer.build.bvh import build_bvh
 from renderer.build.tree import Bvh, Kd, SahCosts
 from renderer.pack.grid import grid_over
@@ -167,6 +168,23 @@ def test_a_triangle_takes_what_the_paper_says(layout: str, vec4s: int) -> None:
     packed = pack_primitives(corners(TRIANGLES), corners(NORMALS), None, layout)
     assert packed.nbytes == len(TRIANGLES) * vec4s * 16
     assert (packed.normals is not None) == (layout == "split")
+
+
+@pytest.mark.parametrize("layout", ["normal", "compact", "split"])
+def test_blocks_of_triangles_change_nothing(layout: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = pack_primitives(corners(TRIANGLES), corners(NORMALS), None, layout)
+    monkeypatch.setattr(parallel, "_BLOCK", 7)
+    cut = pack_primitives(corners(TRIANGLES), corners(NORMALS), None, layout)
+    np.testing.assert_array_equal(cut.vertices, whole.vertices)
+    if whole.normals is not None:
+        np.testing.assert_array_equal(cut.normals, whole.normals)
+
+
+@pytest.mark.parametrize("name", ["box", "skip-octants"])
+def test_blocks_of_boxes_change_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = pack_nodes(bvh(), name, "grid16")
+    monkeypatch.setattr(parallel, "_BLOCK", 7)
+    np.testing.assert_array_equal(pack_nodes(bvh(), name, "grid16").words, whole.words)
 
 
 @pytest.mark.parametrize("layout", ["normal", "compact", "split"])
