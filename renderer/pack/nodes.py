@@ -108,7 +108,7 @@ def _box_words(values: Values, layout: NodeLayout, lower: Face, upper: Face) -> 
 
 
 def _depth_first(tree: Bvh, layout: NodeLayout, values: Values, leaf: Flags) -> Words:
-    """The nodes in one order, or in an order for each octant; a node of zeros ends each."""
+    """The nodes in one order, or in an order for each octant, as NodeLayout says."""
     # The other layouts need no compiler.
     from renderer.pack.depth_first import OCTANTS, lay_out
 
@@ -116,13 +116,14 @@ def _depth_first(tree: Bvh, layout: NodeLayout, values: Values, leaf: Flags) -> 
     rows = np.zeros((nodes, layout.words), np.uint32)
     unlinked = replace(layout, fields=tuple(field for field in layout.fields if field.name != "skip"))
     _store_all(rows, rows[:, 0], np.arange(nodes), unlinked, values, leaf)
-    words = np.zeros((OCTANTS if layout.order == "octants" else 1, nodes + 1, layout.words), np.uint32)
+    copies = OCTANTS if layout.order == "octants" else 1
+    words = np.zeros((copies * (nodes + 1) + 1, layout.words), np.uint32)
     faces, skip = _face_words(layout), layout.named("skip")
-    _require_room(skip, words.size // layout.words)
+    _require_room(skip, len(words))
     each(
         [
             partial(lay_out, rows, tree, octant, faces, (skip.word, skip.shift), octant * (nodes + 1), copy)
-            for octant, copy in enumerate(words)
+            for octant, copy in enumerate(words[:-1].reshape(copies, nodes + 1, layout.words))
         ]
     )
     return words.ravel()

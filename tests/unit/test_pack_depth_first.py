@@ -43,7 +43,7 @@ def test_places_follow_the_recursion(count: int, octant: int) -> None:
 def test_a_walk_that_enters_every_box_reads_every_leaf(name: str) -> None:
     made = tree(200)
     copies = 8 if name == "skip-octants" else 1
-    words = pack_nodes(made, name).words.reshape(copies, -1, 8)
+    words = pack_nodes(made, name).words[:-8].reshape(copies, -1, 8)
     assert words.shape[1] == len(made.count) + 1
     for octant in range(copies):
         leaves = [int(made.child[node]) for node in recursion(made, octant) if made.count[node]]
@@ -54,6 +54,18 @@ def test_a_walk_that_enters_every_box_reads_every_leaf(name: str) -> None:
                 found.append(link >> FIRST)
         assert found == leaves
         assert at == (octant + 1) * words.shape[1] - 1
+
+
+@pytest.mark.parametrize("node_format", ["f32", "grid16", "half"])
+@pytest.mark.parametrize("name", ["skip", "skip-octants"])
+def test_every_node_has_a_next_one(name: str, node_format: str) -> None:
+    """A walk reads the node behind the one that ends it."""
+    made = tree(200)
+    words = 8 if node_format == "f32" else 4
+    copies = 8 if name == "skip-octants" else 1
+    nodes = pack_nodes(made, name, node_format).words.reshape(-1, words)
+    assert len(nodes) == copies * (len(made.count) + 1) + 1
+    assert not nodes[-2:].any()
 
 
 def test_a_walk_that_misses_skips_the_subtree() -> None:
@@ -74,7 +86,7 @@ def test_near_faces_stand_first(node_format: str) -> None:
     made = tree(50)
     words = 8 if node_format == "f32" else 4
     one = pack_nodes(made, "skip", node_format).words.reshape(-1, words)
-    all_ = pack_nodes(made, "skip-octants", node_format).words.reshape(8, -1, words)
+    all_ = pack_nodes(made, "skip-octants", node_format).words[:-words].reshape(8, -1, words)
     for octant in range(8):
         seen, plain = all_[octant, depth_first(made, octant)[0]], one[depth_first(made, 0)[0]]
         for axis in range(3):
