@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from contextvars import copy_context
+from functools import lru_cache, partial
 from typing import TypeVar
 
 from renderer.build.progress import Told, untold
@@ -23,7 +24,9 @@ def threads() -> int:
 def each(tasks: Sequence[Callable[[], Made]], told: Told = untold) -> list[Made]:
     """What the tasks return, in their order. Who runs them changes nothing, so equal input gives equal bytes."""
     count, made = threads(), list[Made]()
-    for one in map(_run, tasks) if count == 1 else _pool(count).map(_run, tasks):
+    # numpy.errstate is of a context, not of a process.
+    placed = [partial(copy_context().run, task) for task in tasks]
+    for one in map(_run, placed) if count == 1 else _pool(count).map(_run, placed):
         made.append(one)
         told(len(made) / len(tasks))
     return made
