@@ -119,7 +119,7 @@ def _depth_first(tree: Bvh, layout: NodeLayout, values: Values, leaf: Flags) -> 
     copies = OCTANTS if layout.order == "octants" else 1
     words = np.zeros((copies * (nodes + 1) + 1, layout.words), np.uint32)
     faces, skip = _face_words(layout), layout.named("skip")
-    _require_room(skip, len(words))
+    _require_room(skip, 0, len(words) - 2)
     each(
         [
             partial(lay_out, rows, tree, octant, faces, (skip.word, skip.shift), octant * (nodes + 1), copy)
@@ -138,8 +138,8 @@ def _face_words(layout: NodeLayout) -> tuple[int, int]:
 def _store_all(
     words: Words, tail: Words, slots: npt.NDArray[np.generic], layout: NodeLayout, values: Values, leaf: Flags
 ) -> None:
+    owners: dict[str, slice | Flags] = {"all": slice(None), "inner": ~leaf, "leaf": leaf}
     for field in layout.fields:
-        owners: dict[str, slice | Flags] = {"all": slice(None), "inner": ~leaf, "leaf": leaf}
         rows = owners[field.owner]
         stored = tail[:, None] if field.word == TAIL else words[:, field.word :]
         _store(stored, slots[rows], field, values[field.name][rows])
@@ -188,13 +188,12 @@ def _store(words: Words, slots: npt.NDArray[np.generic], field: Field, values: n
         words[slots, :3] = values
     else:
         if len(values):
-            assert values.min() >= 0
-            _require_room(field, values.max())
+            _require_room(field, values.min(), values.max())
         words[slots, 0] |= values.astype(np.uint32) << np.uint32(field.shift)
 
 
-def _require_room(field: Field, most: int) -> None:
-    if most >= 1 << field.bits:
+def _require_room(field: Field, least: int, most: int) -> None:
+    if least < 0 or most >= 1 << field.bits:
         raise PackError(f"Node field {field.name} needs {most}, more than its {field.bits} bits hold.")
 
 

@@ -120,13 +120,13 @@ def test_rays_that_are_none_look_at_one_box(traversal: str) -> None:
     for box in ("widened", "williams"):
         setup = asker().set_up(Variant(traversal, "compute", box=box), ready("nan-component"))
         row = TRAVERSALS[traversal]
-        steps = 1 + row.nodes.startswith("skip")  # a second one at the node that ends a walk
-        fetched = steps * (2 if steps == 2 and not row.packet else 1)  # the next in memory beside each
+        end = row.nodes.startswith("skip")  # the node that ends a walk
+        beside = end and not row.packet  # the next node in memory
         for name in ("nan-component", "inf-component", "nan-reach", "inf-both", "no-direction"):
             answer = setup.ask(ready(name).rays)
             assert (answer.hits.primitive == -1).all()
-            assert answer.counts[:, 0].max() <= fetched
-            assert answer.counts[:, 1:4].max() <= steps
+            assert answer.counts[:, 0].max() <= (1 + end) * (1 + beside)
+            assert answer.counts[:, 1:4].max() <= 1 + end
 
 
 def test_no_rays_and_one_ray() -> None:
