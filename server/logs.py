@@ -60,8 +60,6 @@ def start(level: Level = "info", form: Form = "auto", stream: TextIO | None = No
     logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
     logging.getLogger("rayfarm").setLevel(level.upper())
     logging.captureWarnings(True)
-    dbos = logging.getLogger("dbos")
-    dbos.handlers[:], dbos.propagate = [logging.NullHandler()], True
     sys.excepthook = _uncaught
     threading.excepthook = _uncaught_in_thread
 

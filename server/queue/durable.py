@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import uuid
 from collections.abc import Sequence
@@ -21,6 +22,8 @@ POOL = "llvmpipe"
 """The queue of slices that any host with llvmpipe may run."""
 STOP_S = 10.0
 """How long a worker that ends waits for each thread that takes slices."""
+# Without a handler DBOS takes standard error as it is when its first worker starts, closed or not later on.
+logging.getLogger("dbos").addHandler(logging.NullHandler())
 
 
 def host_queue(host: str) -> str:

@@ -126,10 +126,12 @@ def test_no_service_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     assert "No RayFarm service answers at http://127.0.0.1:1" in err
 
 
-def test_a_port_in_use_is_one_sentence(service: Service, capsys: pytest.CaptureFixture[str]) -> None:
-    code, _, err = rayfarm(capsys, "serve", "--port", str(service.client.base_url.port))
-    assert code == 2
-    assert "address already in use" in err
+def test_a_port_in_use_is_one_sentence(service: Service) -> None:
+    command = [sys.executable, "-m", "server.cli.app", "serve", "--port", str(service.client.base_url.port)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "address already in use" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_scenes_are_listed(capsys: pytest.CaptureFixture[str]) -> None:

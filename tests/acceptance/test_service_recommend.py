@@ -69,7 +69,9 @@ def test_a_recommendation_goes_through_the_queue_and_names_a_variant(service: Se
 
 
 def test_pages_show_the_form_and_what_came_of_it(service: Service) -> None:
-    first = service.post("recommendations", scene="cornell-box", axes=AXES, size=64, rounds=2)
+    # Of so few triangles both builders make trees that are as fast: whoever leads, another stays.
+    twins = AXES | {"traversal": "bvh-stack", "builder": "sah,reinserted"}
+    first = service.post("recommendations", scene="cornell-box", axes=twins, size=64, rounds=2)
     waiting = service.client.get(first["page"])
     assert waiting.status_code == 200
     assert "It waits for a worker, and none is running" in waiting.text
@@ -149,4 +151,7 @@ def test_the_form_submits_and_the_page_follows_to_the_verdict(service: Service, 
         size.send_keys("64")
         chrome.find_element(By.CSS_SELECTOR, "button[type=submit]").click()
         until(chrome, lambda: chrome.find_element(By.CSS_SELECTOR, ".verdict-sentence").text.startswith("Take "), 60)
-        assert chrome.find_element(By.CSS_SELECTOR, "table.list").text.count("fragment normal") >= 2
+        # Confirmed at the full size or left in the pilot, as fast as they happened to be.
+        named = "".join(table.text for table in chrome.find_elements(By.CSS_SELECTOR, "table.list"))
+        assert "bvh-stack fragment normal" in named
+        assert "kd-backtrack fragment normal" in named

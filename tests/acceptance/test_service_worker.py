@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import io
+import logging
 import signal
 import subprocess
 import sys
@@ -129,6 +131,16 @@ def test_what_is_taken_while_a_worker_stops_is_measured_by_the_next(
     gc.collect()  # a coroutine that nothing awaited would warn here
     service.work()
     assert service.get(f"jobs/{job['id']}")["state"] == "done"
+
+
+def test_the_queue_writes_to_no_stream_of_its_own(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """DBOS would keep the first worker's standard error for later ones, which found it closed."""
+    with monkeypatch.context() as patch, io.StringIO() as stream:
+        patch.setattr(sys, "stderr", stream)
+        service.work()
+    service.work()
+    handlers = logging.getLogger("dbos").handlers
+    assert not any(isinstance(each, logging.StreamHandler) for each in handlers), handlers
 
 
 def test_a_worker_may_stop_while_its_threads_start(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:

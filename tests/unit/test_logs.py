@@ -35,12 +35,12 @@ class Terminal(io.StringIO):
 @pytest.fixture(autouse=True)
 def restored(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """`logs.start` changes the whole process."""
-    root, dbos = logging.getLogger(), logging.getLogger("dbos")
-    before = root.handlers[:], root.level, dbos.handlers[:], dbos.propagate, sys.excepthook, threading.excepthook
+    root = logging.getLogger()
+    before = root.handlers[:], root.level, sys.excepthook, threading.excepthook
     root.handlers[:] = []  # pytest's own would be closed.
     yield
     logging.captureWarnings(False)
-    root.handlers[:], level, dbos.handlers[:], dbos.propagate, sys.excepthook, threading.excepthook = before
+    root.handlers[:], level, sys.excepthook, threading.excepthook = before
     root.setLevel(level)
     logging.getLogger("rayfarm").setLevel(logging.NOTSET)
 
