@@ -46,12 +46,12 @@ def pack_nodes(tree: Tree | WideBvh, layout_name: str, node_format: str = "f32")
     layout = NODE_LAYOUTS[layout_name][node_format]
     if isinstance(tree, WideBvh):
         return _pack_quads(tree, layout)
+    if layout.order != "siblings":
+        assert isinstance(tree, Bvh)
+        return _pack_depth_first(tree, layout)
     values = _values(tree)
     leaf = values["axis"] == LEAF
     grid = _box_words(values, layout, tree.lower[0], tree.upper[0])
-    if layout.order != "siblings":
-        assert isinstance(tree, Bvh)
-        return PackedNodes(_depth_first(tree, layout, values, leaf), None, grid)
     words = np.zeros((len(leaf) + 1, layout.words), np.uint32)
     tail = np.zeros(len(leaf) + 1, np.uint32)
     slots = np.where(np.arange(len(leaf)) == 0, 0, np.arange(len(leaf)) + 1)
@@ -107,26 +107,33 @@ def _box_words(values: Values, layout: NodeLayout, lower: Face, upper: Face) -> 
     return grid
 
 
-def _depth_first(tree: Bvh, layout: NodeLayout, values: Values, leaf: Flags) -> Words:
+def _pack_depth_first(tree: Bvh, layout: NodeLayout) -> PackedNodes:
     """The nodes in one order, or in an order for each octant, as NodeLayout says."""
     # The other layouts need no compiler.
+    from renderer.build.sparse import sparse
     from renderer.pack.depth_first import OCTANTS, lay_out
 
-    nodes = len(leaf)
-    rows = np.zeros((nodes, layout.words), np.uint32)
+    tested = np.ones(len(tree.count), np.bool_)
+    if layout.sparse:
+        tree, tested = sparse(tree)
+    values = _values(tree)
+    leaf = values["axis"] == LEAF
+    grid = _box_words(values, layout, tree.lower[0], tree.upper[0])
+    rows = np.zeros((len(leaf), layout.words), np.uint32)
     unlinked = replace(layout, fields=tuple(field for field in layout.fields if field.name != "skip"))
-    _store_all(rows, rows[:, 0], np.arange(nodes), unlinked, values, leaf)
+    _store_all(rows, rows[:, 0], np.arange(len(leaf)), unlinked, values, leaf)
+    nodes = int(np.count_nonzero(tested))
     copies = OCTANTS if layout.order == "octants" else 1
     words = np.zeros((copies * (nodes + 1) + 1, layout.words), np.uint32)
     faces, skip = _face_words(layout), layout.named("skip")
     _require_room(skip, 0, len(words) - 2)
     each(
         [
-            partial(lay_out, rows, tree, octant, faces, (skip.word, skip.shift), octant * (nodes + 1), copy)
+            partial(lay_out, rows, tree, tested, octant, faces, (skip.word, skip.shift), octant * (nodes + 1), copy)
             for octant, copy in enumerate(words[:-1].reshape(copies, nodes + 1, layout.words))
         ]
     )
-    return words.ravel()
+    return PackedNodes(words.ravel(), None, grid)
 
 
 def _face_words(layout: NodeLayout) -> tuple[int, int]:

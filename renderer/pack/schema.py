@@ -7,7 +7,7 @@ whatever the node format, and read the link word's fields by `node_NAME(link)`; 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -54,7 +54,8 @@ class NodeLayout:
     `order` says how nodes follow one another: siblings beside each other at an even and an odd index, the root at 0; or
     depth first, ending with a node of zeros. In `octants` there is such an order for each octant of ray directions,
     one after the other; its boxes have their near faces where others have their lower ones. One more node of zeros
-    follows all, so that every node has a next one. In `quads` a node's four children lie beside each other, in the
+    follows all, so that every node has a next one. Where it is `sparse`, only those are there that are worth their test
+    (`renderer.build.sparse`). In `quads` a node's four children lie beside each other, in the
     order of a wide BVH's nodes.
     `tail` says what follows the nodes in the same buffer: the list through which leaves name `triangles`, or the
     nodes' `links`, a word each, where they have no room for them, or the table of `paths`.
@@ -65,6 +66,7 @@ class NodeLayout:
     fields: tuple[Field, ...]
     tail: Tail = "none"
     order: Order = "siblings"
+    sparse: bool = False
 
     def field(self, name: str) -> Field | None:
         """The field of that name, None where the layout has none."""
@@ -127,6 +129,7 @@ NODE_LAYOUTS: dict[str, dict[str, NodeLayout]] = {
     "box-path": _boxes(tail="paths"),
     "skip": _boxes("skip", "depth-first"),
     "skip-octants": _boxes("skip", "octants"),
+    "skip-sparse": {name: replace(one, sparse=True) for name, one in _boxes("skip", "octants").items()},
     "quad": _boxes(order="quads") | {"quant8": _framed()},
     "plane": {"f32": NodeLayout(2, 2, _PLANE, tail="triangles")},
     "plane-box": {

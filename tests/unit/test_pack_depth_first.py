@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from renderer.build.bvh import build_bvh
+from renderer.build.sparse import sparse
 from renderer.build.tree import Bvh, SahCosts
 from renderer.pack.depth_first import depth_first
 from renderer.pack.nodes import pack_nodes
 
 SEED = 17
 SKIP, COUNT, FIRST = 2, 2, 8
+LAYOUTS = ("skip", "skip-octants", "skip-sparse")
+
+Flags = npt.NDArray[np.bool_]
 
 
 def tree(count: int) -> Bvh:
@@ -19,34 +24,47 @@ def tree(count: int) -> Bvh:
     return build_bvh(np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1), SahCosts(1.0, 1.0))
 
 
-def recursion(made: Bvh, octant: int, node: int = 0) -> list[int]:
+def walked(name: str, count: int = 200) -> tuple[Bvh, Flags, int]:
+    """The tree that a layout holds, which of its nodes, and in how many orders."""
+    made = tree(count)
+    tested = np.ones(len(made.count), np.bool_)
+    if name == "skip-sparse":
+        made, tested = sparse(made)
+        assert 2 < tested.sum() < 0.9 * len(tested) or count < 200
+    return made, tested, 1 if name == "skip" else 8
+
+
+def recursion(made: Bvh, tested: Flags, octant: int, node: int = 0) -> list[int]:
+    """The tested nodes of a subtree in the order in which rays of an octant come to them."""
+    own = [node] if tested[node] else []
     if made.count[node]:
-        return [node]
+        return own
     children = [int(made.child[node]), int(made.child[node]) + 1]
     if octant >> made.axis[node] & 1:
         children.reverse()
-    return [node, *recursion(made, octant, children[0]), *recursion(made, octant, children[1])]
+    return own + [below for child in children for below in recursion(made, tested, octant, child)]
 
 
+@pytest.mark.parametrize("name", LAYOUTS[1:])
 @pytest.mark.parametrize("octant", range(8))
 @pytest.mark.parametrize("count", [1, 2, 3, 200])
-def test_places_follow_the_recursion(count: int, octant: int) -> None:
-    made = tree(count)
-    place, after = depth_first(made, octant)
-    np.testing.assert_array_equal(np.argsort(place), recursion(made, octant))
-    for node in range(len(made.count)):
-        within = recursion(made, octant, node)
-        assert after[node] - place[node] == len(within)
+def test_places_follow_the_recursion(count: int, octant: int, name: str) -> None:
+    made, tested, _ = walked(name, count)
+    place, after = depth_first(made, tested, octant)
+    order = recursion(made, tested, octant)
+    assert sorted(order) == list(np.flatnonzero(tested))
+    np.testing.assert_array_equal(place[order], np.arange(len(order)))
+    for node in order:
+        assert after[node] - place[node] == len(recursion(made, tested, octant, node))
 
 
-@pytest.mark.parametrize("name", ["skip", "skip-octants"])
+@pytest.mark.parametrize("name", LAYOUTS)
 def test_a_walk_that_enters_every_box_reads_every_leaf(name: str) -> None:
-    made = tree(200)
-    copies = 8 if name == "skip-octants" else 1
-    words = pack_nodes(made, name).words[:-8].reshape(copies, -1, 8)
-    assert words.shape[1] == len(made.count) + 1
+    made, tested, copies = walked(name)
+    words = pack_nodes(tree(200), name).words[:-8].reshape(copies, -1, 8)
+    assert words.shape[1] == tested.sum() + 1
     for octant in range(copies):
-        leaves = [int(made.child[node]) for node in recursion(made, octant) if made.count[node]]
+        leaves = [int(made.child[node]) for node in recursion(made, tested, octant) if made.count[node]]
         found, at = [], octant * words.shape[1]
         while (link := int(words.reshape(-1, 8)[at, 3])) != 0:
             at += 1
@@ -57,24 +75,24 @@ def test_a_walk_that_enters_every_box_reads_every_leaf(name: str) -> None:
 
 
 @pytest.mark.parametrize("node_format", ["f32", "grid16", "half"])
-@pytest.mark.parametrize("name", ["skip", "skip-octants"])
+@pytest.mark.parametrize("name", LAYOUTS)
 def test_every_node_has_a_next_one(name: str, node_format: str) -> None:
     """A walk reads the node behind the one that ends it."""
-    made = tree(200)
+    _, tested, copies = walked(name)
     words = 8 if node_format == "f32" else 4
-    copies = 8 if name == "skip-octants" else 1
-    nodes = pack_nodes(made, name, node_format).words.reshape(-1, words)
-    assert len(nodes) == copies * (len(made.count) + 1) + 1
+    nodes = pack_nodes(tree(200), name, node_format).words.reshape(-1, words)
+    assert len(nodes) == copies * (tested.sum() + 1) + 1
     assert not nodes[-2:].any()
 
 
-def test_a_walk_that_misses_skips_the_subtree() -> None:
-    made = tree(200)
-    words = pack_nodes(made, "skip-octants").words.reshape(-1, 8)
-    stride = len(made.count) + 1
+@pytest.mark.parametrize("name", LAYOUTS[1:])
+def test_a_walk_that_misses_skips_the_subtree(name: str) -> None:
+    made, tested, _ = walked(name)
+    words = pack_nodes(tree(200), name).words.reshape(-1, 8)
+    stride = tested.sum() + 1
     for octant in range(8):
-        place, after = depth_first(made, octant)
-        inner = made.count == 0
+        place, after = depth_first(made, tested, octant)
+        inner = tested & (made.count == 0)
         links = words[octant * stride + place[inner], 3]
         np.testing.assert_array_equal(links >> SKIP, after[inner] + octant * stride)
         assert (links & 3 > 0).all()
@@ -87,8 +105,9 @@ def test_near_faces_stand_first(node_format: str) -> None:
     words = 8 if node_format == "f32" else 4
     one = pack_nodes(made, "skip", node_format).words.reshape(-1, words)
     all_ = pack_nodes(made, "skip-octants", node_format).words[:-words].reshape(8, -1, words)
+    every = np.ones(len(made.count), np.bool_)
     for octant in range(8):
-        seen, plain = all_[octant, depth_first(made, octant)[0]], one[depth_first(made, 0)[0]]
+        seen, plain = all_[octant, depth_first(made, every, octant)[0]], one[depth_first(made, every, 0)[0]]
         for axis in range(3):
             backward = octant >> axis & 1
             if node_format == "f32":
