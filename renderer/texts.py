@@ -124,7 +124,7 @@ def _in_cells(variant: Variant) -> bool:
 def _defines(form: Form) -> dict[str, int]:
     row = TRAVERSALS[form.variant.traversal]
     # Packets over these nodes walk an octant at a time.
-    alike = row.packet and row.nodes == "skip-sparse"
+    alike = row.packet and row.nodes == "skip-wide"
     defines = {
         "INSTRUMENT": int(form.instrument),
         "READS": int(form.reads),

@@ -48,8 +48,8 @@ TRAVERSALS: dict[str, Traversal] = {
     "bvh4-stack": Traversal("bvh", "quad", "four children a visit (Wald et al. 2008)", state="stack"),
     "bvh-packet-2x2": Traversal("bvh", "box", "bvh-stack, 2x2 pixels share fetches", state="stack", packet=True),
     "bvh-packet-4x2": Traversal("bvh", "box", "bvh-stack, 4x2 pixels share fetches", state="stack", packet=True),
-    "bvh-packet-skip-2x2": Traversal("bvh", "skip-sparse", "bvh-skip-octants, 2x2 pixels share fetches", packet=True),
-    "bvh-packet-skip-4x2": Traversal("bvh", "skip-sparse", "bvh-skip-octants, 4x2 pixels share fetches", packet=True),
+    "bvh-packet-skip-2x2": Traversal("bvh", "skip-wide", "bvh-skip-octants, 2x2 pixels share fetches", packet=True),
+    "bvh-packet-skip-4x2": Traversal("bvh", "skip-wide", "bvh-skip-octants, 4x2 pixels share fetches", packet=True),
     "bvh-packet-interval": Traversal(
         "bvh", "box", "4x2 pixels share box tests (Boulos et al. 2006)", state="stack", packet=True
     ),

@@ -110,12 +110,12 @@ def _box_words(values: Values, layout: NodeLayout, lower: Face, upper: Face) -> 
 def _pack_depth_first(tree: Bvh, layout: NodeLayout) -> PackedNodes:
     """The nodes in one order, or in an order for each octant, as NodeLayout says."""
     # The other layouts need no compiler.
-    from renderer.build.sparse import sparse
+    from renderer.build.pruned import pruned
     from renderer.pack.depth_first import OCTANTS, lay_out
 
     tested = np.ones(len(tree.count), np.bool_)
-    if layout.sparse:
-        tree, tested = sparse(tree)
+    if layout.pruning is not None:
+        tree, tested = pruned(tree, **vars(layout.pruning))
     values = _values(tree)
     leaf = values["axis"] == LEAF
     grid = _box_words(values, layout, tree.lower[0], tree.upper[0])

@@ -7,7 +7,7 @@ whatever the node format, and read the link word's fields by `node_NAME(link)`; 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -48,14 +48,23 @@ class Field:
 
 
 @dataclass(frozen=True)
+class Pruning:
+    """Which nodes of a tree are worth their test, as `renderer.build.pruned` takes it."""
+
+    width: int
+    triangle: float
+    spread: float
+
+
+@dataclass(frozen=True)
 class NodeLayout:
     """How one structure's nodes lie in the storage buffer: `words` a node, `vector` words a chunk.
 
     `order` says how nodes follow one another: siblings beside each other at an even and an odd index, the root at 0; or
     depth first, ending with a node of zeros. In `octants` there is such an order for each octant of ray directions,
     one after the other; its boxes have their near faces where others have their lower ones. One more node of zeros
-    follows all, so that every node has a next one. Where it is `sparse`, only those are there that are worth their test
-    (`renderer.build.sparse`). In `quads` a node's four children lie beside each other, in the
+    follows all, so that every node has a next one. Of a tree with `pruning` only those are there that are worth their
+    test. In `quads` a node's four children lie beside each other, in the
     order of a wide BVH's nodes.
     `tail` says what follows the nodes in the same buffer: the list through which leaves name `triangles`, or the
     nodes' `links`, a word each, where they have no room for them, or the table of `paths`.
@@ -66,7 +75,7 @@ class NodeLayout:
     fields: tuple[Field, ...]
     tail: Tail = "none"
     order: Order = "siblings"
-    sparse: bool = False
+    pruning: Pruning | None = None
 
     def field(self, name: str) -> Field | None:
         """The field of that name, None where the layout has none."""
@@ -100,14 +109,16 @@ def _parent(word: int) -> tuple[Field, Field]:
     return Field("parent_axis", word, shift=0, bits=2), Field("parent", word, shift=2, bits=30)
 
 
-def _boxes(inner: str = "child", order: Order = "siblings", tail: Tail = "none") -> dict[str, NodeLayout]:
+def _boxes(
+    inner: str = "child", order: Order = "siblings", tail: Tail = "none", pruning: Pruning | None = None
+) -> dict[str, NodeLayout]:
     """A box and a link word in every node format; a parent's word (`links`) has room beside a box of floats alone."""
     parents = tail == "links"
     floats = (Field("lower", 0, "vec3"), *_link(inner), Field("upper", 4, "vec3"), *(_parent(7) if parents else ()))
     behind = _parent(TAIL) if parents else ()
-    formats = {"f32": NodeLayout(8, 4, floats, "none" if parents else tail, order)}
+    formats = {"f32": NodeLayout(8, 4, floats, "none" if parents else tail, order, pruning)}
     for kind in PACKED:
-        formats[kind] = NodeLayout(4, 4, (Field("box", 0, kind), *_link(inner), *behind), tail, order)
+        formats[kind] = NodeLayout(4, 4, (Field("box", 0, kind), *_link(inner), *behind), tail, order, pruning)
     return formats
 
 
@@ -123,13 +134,17 @@ def _framed() -> NodeLayout:
     return NodeLayout(12, 4, (Field("origin", 0, "vec3"), *whole, *exponents, *faces), order="quads")
 
 
+# As llvmpipe was fastest (docs/figures.md). A single ray's step tests the next node too, which boxes that are entered use.
+_ALONE = Pruning(width=2, triangle=1.0, spread=1.0)
+_TOGETHER = Pruning(width=8, triangle=2.0, spread=2.0)
+
 NODE_LAYOUTS: dict[str, dict[str, NodeLayout]] = {
     "box": _boxes(),
     "box-parent": _boxes(tail="links"),
     "box-path": _boxes(tail="paths"),
-    "skip": _boxes("skip", "depth-first"),
-    "skip-octants": _boxes("skip", "octants"),
-    "skip-sparse": {name: replace(one, sparse=True) for name, one in _boxes("skip", "octants").items()},
+    "skip": _boxes("skip", "depth-first", pruning=_ALONE),
+    "skip-octants": _boxes("skip", "octants", pruning=_ALONE),
+    "skip-wide": _boxes("skip", "octants", pruning=_TOGETHER),
     "quad": _boxes(order="quads") | {"quant8": _framed()},
     "plane": {"f32": NodeLayout(2, 2, _PLANE, tail="triangles")},
     "plane-box": {

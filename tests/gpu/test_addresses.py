@@ -89,7 +89,7 @@ def whole_chunks(traversal: str, counts: npt.NDArray[np.uint32]) -> int:
     """The words by which reads of whole chunks exceed what `words` counts of them (docs/method.md, Work)."""
     sums = total(counts)
     match TRAVERSALS[traversal].nodes:
-        case "box" | "box-path" | "skip" | "skip-octants" | "skip-sparse":
+        case "box" | "box-path" | "skip" | "skip-octants" | "skip-wide":
             return sums["nodes"]
         case "quad":
             return 4 * sums["nodes"]

@@ -25,7 +25,7 @@ def brute(name: str) -> Run:
 @cache
 def walked(name: str, traversal: str) -> Run:
     # Eight orders of the Buddha's nodes fit into one block in 16 bits only.
-    nodes = "grid16" if TRAVERSALS[traversal].nodes in ("skip-octants", "skip-sparse") else "f32"
+    nodes = "grid16" if TRAVERSALS[traversal].nodes in ("skip-octants", "skip-wide") else "f32"
     return run(catalogue_scene(name), Variant(traversal, nodes=nodes), SIDE)
 
 

@@ -11,7 +11,7 @@ from running import PACKETS, Run, catalogue_scene, picture, prepared, run
 
 from renderer.judge.accuracy import identical
 from renderer.request import Request, RequestError
-from renderer.variant import Variant, refusal
+from renderer.variant import TRAVERSALS, Variant, refusal
 
 SIZE = (61, 43)
 """No multiple of a packet's sides, so that packets overhang the image."""
@@ -86,11 +86,15 @@ def test_what_is_timed_shows_the_same(rays: str, traversal: str) -> None:
 
 @pytest.mark.parametrize("traversal", PACKETS)
 def test_a_fetch_is_counted_once_for_all(traversal: str) -> None:
-    """So a ray's share of the nodes fetched is small, while it enters as many boxes as before, and some for others."""
+    """So a ray's share of the nodes fetched is small, while it enters as many boxes as before, and some for others.
+
+    Of the boxes that packets without a stack would enter, most are not there to be tested.
+    """
     found, single = run(catalogue_scene("crytek-sponza"), Variant(traversal, "compute"), SIZE), alone("crytek-sponza")
     nodes, inner, _, triangles, _ = found.records.primary_counts.mean(axis=0)
     assert nodes < single.records.primary_counts[:, 0].mean() / 2
-    assert inner >= single.records.primary_counts[:, 1].mean() * 0.9
+    left = (0.3, 0.6) if TRAVERSALS[traversal].nodes == "skip-wide" else (0.9, 2.0)
+    assert left[0] <= inner / single.records.primary_counts[:, 1].mean() <= left[1]
     assert triangles >= single.records.primary_counts[:, 3].mean() * 0.9
 
 

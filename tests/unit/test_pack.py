@@ -180,7 +180,7 @@ def test_blocks_of_triangles_change_nothing(layout: str, monkeypatch: pytest.Mon
         np.testing.assert_array_equal(cut.normals, whole.normals)
 
 
-@pytest.mark.parametrize("name", ["box", "skip-octants", "skip-sparse"])
+@pytest.mark.parametrize("name", ["box", "skip-octants", "skip-wide"])
 def test_blocks_of_boxes_change_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = pack_nodes(bvh(), name, "grid16")
     monkeypatch.setattr(parallel, "_BLOCK", 7)

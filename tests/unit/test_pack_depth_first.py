@@ -7,14 +7,15 @@ import numpy.typing as npt
 import pytest
 
 from renderer.build.bvh import build_bvh
-from renderer.build.sparse import sparse
+from renderer.build.pruned import pruned
 from renderer.build.tree import Bvh, SahCosts
 from renderer.pack.depth_first import depth_first
 from renderer.pack.nodes import pack_nodes
+from renderer.pack.schema import NODE_LAYOUTS
 
 SEED = 17
 SKIP, COUNT, FIRST = 2, 2, 8
-LAYOUTS = ("skip", "skip-octants", "skip-sparse")
+LAYOUTS = ("skip", "skip-octants", "skip-wide")
 
 Flags = npt.NDArray[np.bool_]
 
@@ -25,12 +26,11 @@ def tree(count: int) -> Bvh:
 
 
 def walked(name: str, count: int = 200) -> tuple[Bvh, Flags, int]:
-    """The tree that a layout holds, which of its nodes, and in how many orders."""
-    made = tree(count)
-    tested = np.ones(len(made.count), np.bool_)
-    if name == "skip-sparse":
-        made, tested = sparse(made)
-        assert 2 < tested.sum() < 0.9 * len(tested) or count < 200
+    """The tree that a layout holds, which of its nodes are there, and in how many orders."""
+    pruning = NODE_LAYOUTS[name]["f32"].pruning
+    assert pruning is not None
+    made, tested = pruned(tree(count), **vars(pruning))
+    assert tested.sum() < len(tested) or count < 200
     return made, tested, 1 if name == "skip" else 8
 
 
@@ -101,13 +101,13 @@ def test_a_walk_that_misses_skips_the_subtree(name: str) -> None:
 @pytest.mark.parametrize("node_format", ["f32", "grid16", "half"])
 def test_near_faces_stand_first(node_format: str) -> None:
     """What an octant's copy says of a box is what one order says of it, faces exchanged where rays run backward."""
-    made = tree(50)
+    made, tested, _ = walked("skip")
     words = 8 if node_format == "f32" else 4
-    one = pack_nodes(made, "skip", node_format).words.reshape(-1, words)
-    all_ = pack_nodes(made, "skip-octants", node_format).words[:-words].reshape(8, -1, words)
-    every = np.ones(len(made.count), np.bool_)
+    one = pack_nodes(tree(200), "skip", node_format).words.reshape(-1, words)
+    all_ = pack_nodes(tree(200), "skip-octants", node_format).words[:-words].reshape(8, -1, words)
     for octant in range(8):
-        seen, plain = all_[octant, depth_first(made, every, octant)[0]], one[depth_first(made, every, 0)[0]]
+        seen = all_[octant, depth_first(made, tested, octant)[0][tested]]
+        plain = one[depth_first(made, tested, 0)[0][tested]]
         for axis in range(3):
             backward = octant >> axis & 1
             if node_format == "f32":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from functools import cache
 from itertools import product
 
@@ -10,8 +11,11 @@ import pytest
 from build_soups import SOUPS, Floats, soup
 
 from renderer.build.bvh import build_bvh
-from renderer.build.sparse import MOST, SPREAD, TRIANGLE, Flags, sparse
+from renderer.build.pruned import MOST, Flags, pruned
 from renderer.build.tree import Bvh, SahCosts
+
+TRIANGLE, SPREAD = 2.0, 1.5
+WIDTHS = (2, 3, 8)
 
 
 def weights(tree: Bvh) -> list[float]:
@@ -46,10 +50,11 @@ def cost(tree: Bvh, tested: Flags, weight: list[float]) -> float:
     return tests + sum(TRIANGLE * weight[node] * int(tree.count[node]) for node in leaves)
 
 
-def check(tree: Bvh, boxes: Floats) -> tuple[Bvh, Flags]:
-    left, tested = sparse(tree)
-    nodes = [node for node, _ in reached(left, tested)]
+def check(tree: Bvh, boxes: Floats, width: int) -> tuple[Bvh, Flags]:
+    left, tested = pruned(tree, width, TRIANGLE, SPREAD)
+    nodes, above = zip(*reached(left, tested), strict=True)
     assert tested[0]
+    assert set(Counter(above).values()) <= {1, *range(2, width + 1)}
     assert sorted(nodes) == list(np.flatnonzero(tested))
     slots: list[int] = []
     for node in sorted(nodes, key=lambda node: int(left.child[node])):
@@ -65,12 +70,13 @@ def check(tree: Bvh, boxes: Floats) -> tuple[Bvh, Flags]:
 
 
 @pytest.mark.parametrize("name", [name for name in SOUPS if name != "shrinking-copies"])
-def test_every_triangle_stays_in_one_leaf(name: str) -> None:
+@pytest.mark.parametrize("width", WIDTHS)
+def test_every_triangle_stays_in_one_leaf(name: str, width: int) -> None:
     boxes = SOUPS[name]()
-    check(build_bvh(boxes, SahCosts(1.0, 1.0)), boxes)
+    check(build_bvh(boxes, SahCosts(1.0, 1.0)), boxes, width)
 
 
-def least(tree: Bvh, weight: list[float]) -> float:
+def least(tree: Bvh, weight: list[float], width: int) -> float:
     """The cost of the best of all trees that are left when nodes are not tested and leaves are merged."""
 
     @cache
@@ -84,27 +90,30 @@ def least(tree: Bvh, weight: list[float]) -> float:
         if tree.count[node]:
             return frozenset({(1, own)})
         pairs = product(ways(int(tree.child[node])), ways(int(tree.child[node]) + 1))
-        open_ = {(a + b, below + beside) for (a, below), (b, beside) in pairs}
+        open_ = {(a + b, below + beside) for (a, below), (b, beside) in pairs if a + b <= width}
         kept = {(1, weight[node] * number + spent) for number, spent in open_}
         return frozenset(open_ | kept | ({(1, own)} if size(node) <= MOST else set()))
 
     return min(spent for number, spent in ways(0) if number == 1)
 
 
+@pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("size", [0.05, 0.3])
 @pytest.mark.parametrize("seed", range(5))
-def test_nothing_else_costs_less(seed: int, size: float) -> None:
+def test_nothing_else_costs_less(seed: int, size: float, width: int) -> None:
     boxes = soup(9, seed, size)
     tree = build_bvh(boxes, SahCosts(0.1, 1.0))
-    left, tested = check(tree, boxes)
+    left, tested = check(tree, boxes, width)
     weight = weights(tree)
-    assert cost(left, tested, weight) == pytest.approx(least(tree, weight), rel=1e-9)
+    assert cost(left, tested, weight) == pytest.approx(least(tree, weight, width), rel=1e-9)
 
 
-def test_it_leaves_tests_out() -> None:
+def test_more_is_left_out_where_nodes_may_be_wide() -> None:
     boxes = SOUPS["soup-3000-seed4"]()
     tree = build_bvh(boxes, SahCosts(1.0, 1.0))
-    left, tested = check(tree, boxes)
     weight = weights(tree)
-    every = np.ones(len(tree.count), np.bool_)
-    assert cost(left, tested, weight) < 0.9 * cost(tree, every, weight)
+    costs = [cost(tree, np.ones(len(tree.count), np.bool_), weight)]
+    costs += [cost(*check(tree, boxes, width), weight) for width in WIDTHS]
+    print(costs)
+    assert costs == sorted(costs, reverse=True)
+    assert costs[-1] < 0.95 * costs[0]

@@ -1,4 +1,4 @@
-"""BVHs for rays that go together along links: without the boxes whose test saves less than it costs."""
+"""BVHs for walks along links, without the boxes whose test saves less than it costs."""
 
 from __future__ import annotations
 
@@ -7,35 +7,33 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.merging import MAX_WIDTH, price, ranges, shares, shares_in_place
+from renderer.build.merging import price, ranges, shares, shares_in_place
 from renderer.build.refit import half_areas
 from renderer.build.tree import Bvh, Bytes, Ints
 from renderer.jit import jit
 
 Flags = npt.NDArray[np.bool_]
 
-TRIANGLE = 2.0
-"""What a triangle takes, in tests of a box."""
 MOST = 4
 """Leaves are merged up to so many triangles."""
-SPREAD = 2.0
-"""How far apart rays that go together are, in sides of a cube of the median leaf's surface."""
 
 
-def sparse(tree: Bvh) -> tuple[Bvh, Flags]:
+def pruned(tree: Bvh, width: int, triangle: float, spread: float) -> tuple[Bvh, Flags]:
     """The tree with small leaves merged, and which of its nodes to test, (n,); what lies below a merged leaf is not.
 
     A walk along links needs no parents: where a box is not tested, it comes to those below as if the box were entered.
-    So a box is tested only where that saves tests of boxes below and of triangles, one of which counts TRIANGLE. How
-    often rays enter a box goes with its surface, grown by how far apart they are: without a camera SPREAD is a guess.
+    So a box is tested only where that saves tests of boxes below and of triangles, one of which counts `triangle` of
+    them. What is tested next of a tested node is at most `width` boxes (2 to 8): with 2, leaves alone are merged. How
+    often rays enter a box goes with its surface, grown by how far apart they are: by `spread` sides of a cube that has
+    the median leaf's surface.
     """
     size = tree.upper.astype(np.float64) - tree.lower
     leaves = half_areas(size[tree.count > 0])
-    weight = half_areas(size + SPREAD * np.sqrt(np.median(leaves) / 3.0))
+    weight = half_areas(size + spread * np.sqrt(np.median(leaves) / 3.0))
     if weight[0] == 0.0:
         weight = np.ones_like(weight)
     sizes, firsts = ranges(tree.child, tree.count)
-    _, choice = price(weight, tree.child, tree.count, sizes, MAX_WIDTH, MOST, 0.0, 1.0, TRIANGLE)
+    _, choice = price(weight, tree.child, tree.count, sizes, width, MOST, 0.0, 1.0, triangle)
     child, count = tree.child.copy(), tree.count.copy()
     tested = _keep(choice, sizes, firsts, child, count)
     return replace(tree, child=child, count=count), tested
