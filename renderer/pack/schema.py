@@ -134,7 +134,7 @@ def _framed() -> NodeLayout:
     return NodeLayout(12, 4, (Field("origin", 0, "vec3"), *whole, *exponents, *faces), order="quads")
 
 
-# As llvmpipe was fastest (docs/figures.md). A single ray's step tests the next node too, which boxes that are entered use.
+# As llvmpipe was fastest (docs/figures.md). A single ray's step tests the next node too: entered boxes make use of it.
 _ALONE = Pruning(width=2, triangle=1.0, spread=1.0)
 _TOGETHER = Pruning(width=8, triangle=2.0, spread=2.0)
 
