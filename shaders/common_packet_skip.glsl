@@ -3,8 +3,8 @@
 
 // The walk of `traversal_bvh_skip_octants.glsl` by a packet: rays that run backward along the same axes go together, through
 // the nodes in their octant's order, and those of another octant after them. Where any hit will do the order is that of the
-// opposite octant: shadow rays begin apart and meet at a light. Rays see every box that a single ray would, so they find the
-// same hits.
+// opposite octant: shadow rays begin apart and meet at a light. Rays come to every triangle that a single ray would, so they
+// find the same hits.
 const uint STEPS = 12u;     // who found no leaf in so many waits while those that others found are tested
 const uint STOPPED = 256u;  // more than STEPS
 const uint NO_LEAF = 256u;  // the link of a leaf without triangles, which does not end the walk

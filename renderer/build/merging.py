@@ -48,7 +48,7 @@ def price(
     `weight` (n,) is how often a node's box is entered. Then a kept inner node costs `visit`, and `test` for each of its
     2 to `width` children, a leaf `triangle` for each of its triangles; leaves of up to `max_leaf` are merged where that
     costs no more. choice[node, 0] says how many children a node has if it is kept, 0 if it is a leaf. For j > 0, SHARE
-    of choice[node, j] says how many of at most j + 1 trees in its place are the left one's, FEWER that j cost no more.
+    of choice[node, j] says how many of at most j + 1 trees in its place its left child has, FEWER that j cost no more.
     """
     least = np.empty((len(child), width), np.float64)
     choice = np.zeros((len(child), width), np.uint8)
