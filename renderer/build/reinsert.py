@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from renderer.build.loose import Loose, adopt, copied, copy_node, fit_upward, sibling_of, union_area
 from renderer.build.parallel import each
+from renderer.build.refit import half_areas
 from renderer.build.tree import Floats, Ints
 from renderer.jit import jit
 
@@ -37,9 +38,7 @@ def reinserted(tree: Loose, share: float) -> Loose:
 
 def _candidates(box: Floats, parent: Ints, share: float) -> Ints:
     """The nodes of the largest area, but for the root and its children; of equal areas the first."""
-    low, high = box[:, :3].astype(np.float64), box[:, 3:].astype(np.float64)
-    x, y, z = (high - low).T
-    area = x * y + z * (x + y)
+    area = half_areas(box[:, 3:].astype(np.float64) - box[:, :3])
     area[parent <= 0] = -1.0
     wanted = min(int(np.ceil(share * len(area))), int((parent > 0).sum()))
     return np.argsort(-area, kind="stable")[:wanted].astype(np.int32)

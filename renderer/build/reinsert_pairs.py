@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.build.loose import Loose, adopt, copied, copy_node, fit_upward, sibling_of, union_area
+from renderer.build.refit import half_areas
 from renderer.build.tree import Floats, Ints
 from renderer.jit import jit
 
@@ -25,9 +26,7 @@ def pairs_reinserted(tree: Loose, share: float) -> Loose:
 
 def _worst(tree: Loose, share: float) -> Ints:
     """Inner nodes by area, cubed, over the mean and the least of their children's areas, the worst first."""
-    low, high = tree.box[:, :3].astype(np.float64), tree.box[:, 3:].astype(np.float64)
-    x, y, z = (high - low).T
-    area = x * y + z * (x + y)
+    area = half_areas(tree.box[:, 3:].astype(np.float64) - tree.box[:, :3])
     inner = (tree.size == 0) & (tree.parent > 0)
     one, other = np.ones_like(area), np.ones_like(area)
     one[inner], other[inner] = area[tree.child[inner]], area[tree.child[inner] + 1]

@@ -113,9 +113,8 @@ def _pack_depth_first(tree: Bvh, layout: NodeLayout) -> PackedNodes:
     from renderer.build.pruned import pruned
     from renderer.pack.depth_first import OCTANTS, lay_out
 
-    tested = np.ones(len(tree.count), np.bool_)
-    if layout.pruning is not None:
-        tree, tested = pruned(tree, **vars(layout.pruning))
+    assert layout.pruning is not None
+    tree, tested = pruned(tree, **vars(layout.pruning))
     values = _values(tree)
     leaf = values["axis"] == LEAF
     grid = _box_words(values, layout, tree.lower[0], tree.upper[0])

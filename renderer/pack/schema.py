@@ -63,8 +63,9 @@ class NodeLayout:
     `order` says how nodes follow one another: siblings beside each other at an even and an odd index, the root at 0; or
     depth first, ending with a node of zeros. In `octants` there is such an order for each octant of ray directions,
     one after the other; its boxes have their near faces where others have their lower ones. One more node of zeros
-    follows all, so that every node has a next one. With a `pruning` only those nodes are there that are worth their
-    test. In `quads` a node's four children lie beside each other, in the order of a wide BVH's nodes.
+    follows all, so that every node has a next one. Depth first, only those nodes are there that are worth their
+    test, as `pruning` has it. In `quads` a node's four children lie beside each other, in the order of a wide BVH's
+    nodes.
     `tail` says what follows the nodes in the same buffer: the list through which leaves name `triangles`, or the
     nodes' `links`, a word each, where they have no room for them, or the table of `paths`.
     """
