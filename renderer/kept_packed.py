@@ -36,7 +36,15 @@ MOST_BYTES = 2 << 30
 """What the folder may hold; the paper's 36 variants of a million triangles take half of it."""
 
 _KINDS: dict[str, Any] = {kind.__name__: kind for kind in (Packed, PackedNodes, PackedPrimitives, Grid)}
-_SOURCES = ("pack/*.py", "build/merging.py", "build/pruned.py", "build/refit.py", "build/wide.py", "kept_packed.py")
+_SOURCES = (
+    "pack/*.py",
+    "build/levels.py",
+    "build/merging.py",
+    "build/pruned.py",
+    "build/tree.py",
+    "build/wide.py",
+    "kept_packed.py",
+)
 """What makes the buffers of a tree, by whose text entries are told apart."""
 
 

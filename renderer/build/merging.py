@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.build.tree import Bytes, Ints
-from renderer.jit import jit
 
 Doubles = npt.NDArray[np.float64]
 
@@ -20,23 +19,11 @@ FEWER = 0x80
 SHARE = 7
 
 
-@jit
-def ranges(child: Ints, count: Ints) -> tuple[Ints, Ints]:
-    """The triangles below each node, and the first of the slots that they fill."""
-    sizes, firsts = count.copy(), child.copy()
-    for node in range(len(child) - 1, -1, -1):
-        if count[node] == 0:
-            sizes[node] = sizes[child[node]] + sizes[child[node] + 1]
-            firsts[node] = firsts[child[node]]
-    return sizes, firsts
-
-
-@jit
 def price(
     weight: Doubles,
     child: Ints,
-    count: Ints,
     sizes: Ints,
+    levels: list[Ints],
     width: int,
     max_leaf: int,
     visit: float,
@@ -45,60 +32,42 @@ def price(
 ) -> tuple[float, Bytes]:
     """The least cost of the root's tree, and how it is reached: `choice` (n, width).
 
-    `weight` (n,) is how often a node's box is entered. Then a kept inner node costs `visit`, and `test` for each of its
-    2 to `width` children, a leaf `triangle` for each of its triangles; leaves of up to `max_leaf` are merged where that
-    costs no more. choice[node, 0] says how many children a node has if it is kept, 0 if it is a leaf. For j > 0, SHARE
-    of choice[node, j] says how many of at most j + 1 trees in its place its left child has, FEWER that j cost no more.
+    `weight` (n,) is how often a node's box is entered, `sizes` (n,) the triangles below it, `levels` the inner nodes.
+    Then a kept inner node costs `visit`, and `test` for each of its 2 to `width` children, a leaf `triangle` for each
+    of its triangles; leaves of up to `max_leaf` are merged where that costs no more. choice[node, 0] says how many
+    children a node has if it is kept, 0 if it is a leaf. For j > 0, SHARE of choice[node, j] says how many of at most
+    j + 1 trees in its place its left child has, FEWER that j cost no more.
     """
-    least = np.empty((len(child), width), np.float64)
-    choice = np.zeros((len(child), width), np.uint8)
-    for node in range(len(child) - 1, -1, -1):
-        leaf = weight[node] * triangle * sizes[node]
-        if count[node] > 0:
-            for j in range(width):
-                least[node, j] = leaf
-                choice[node, j] = FEWER if j > 0 else 0
-            continue
-        for j in range(1, width):
-            least[node, j], choice[node, j] = _share(least, child[node], j)
-        inner, trees = np.inf, 0
+    leaf = weight * triangle * sizes
+    least = np.repeat(leaf[:, np.newaxis], width, axis=1)
+    choice = np.full((len(child), width), FEWER, np.uint8)
+    choice[:, 0] = 0
+    for inner in reversed(levels):
+        cost, how = _shared(least[child[inner]].T, least[child[inner] + 1].T)
+        entered, merged = weight[inner], leaf[inner]
         for j in range(width - 1, 0, -1):
-            cost = weight[node] * (visit + test * (j + 1)) + least[node, j]
-            if cost < inner:
-                inner, trees = cost, j + 1
-        merged = sizes[node] <= max_leaf and leaf <= inner
-        least[node, 0], choice[node, 0] = (leaf, 0) if merged else (inner, trees)
+            kept = entered * (visit + test * (j + 1)) + cost[j]
+            np.copyto(how[0], j + 1, where=kept < cost[0])
+            np.minimum(cost[0], kept, out=cost[0])
+        pays = (sizes[inner] <= max_leaf) & (merged <= cost[0])
+        np.copyto(how[0], 0, where=pays)
+        np.copyto(cost[0], merged, where=pays)
         for j in range(1, width):
-            if least[node, j - 1] <= least[node, j]:
-                least[node, j] = least[node, j - 1]
-                choice[node, j] |= FEWER
-    return least[0, 0], choice
+            how[j] |= np.where(cost[j - 1] <= cost[j], FEWER, 0).astype(np.uint8)
+            np.minimum(cost[j], cost[j - 1], out=cost[j])
+        least[inner], choice[inner] = cost.T, how.T
+    return float(least[0, 0]), choice
 
 
-@jit
-def _share(least: Doubles, left: int, j: int) -> tuple[float, int]:
-    """The least cost of at most j + 1 trees for two siblings, and how many of them are the left one's."""
-    best, trees = np.inf, 1
-    for k in range(1, j + 1):
-        cost = least[left, k - 1] + least[left + 1, j - k]
-        if cost < best:
-            best, trees = cost, k
-    return best, trees
+def _shared(left: Doubles, right: Doubles) -> tuple[Doubles, Bytes]:
+    """For each j > 0 the least cost of at most j + 1 trees for two siblings, and how many of them are the left one's.
 
-
-@jit
-def shares(choice: Bytes, node: int) -> tuple[int, int]:
-    """How many of a kept inner node's children come from its left and from its right child."""
-    left = choice[node, choice[node, 0] - 1] & SHARE
-    return left, choice[node, 0] - left
-
-
-@jit
-def shares_in_place(choice: Bytes, node: int, most: int) -> tuple[int, int]:
-    """How many of at most `most` trees in a node's place are its left and its right child's; none where it is kept."""
-    while most > 1 and choice[node, most - 1] & FEWER:
-        most -= 1
-    if most == 1:
-        return 0, 0
-    left = choice[node, most - 1] & SHARE
-    return left, most - left
+    All arrays are (width, nodes); for j = 0 the cost is infinite.
+    """
+    cost, trees = np.full(left.shape, np.inf), np.ones(left.shape, np.uint8)
+    for j in range(1, len(left)):
+        for k in range(1, j + 1):
+            shared = left[k - 1] + right[j - k]
+            np.copyto(trees[j], k, where=shared < cost[j])
+            np.minimum(cost[j], shared, out=cost[j])
+    return cost, trees

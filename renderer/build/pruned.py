@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.merging import price, ranges, shares, shares_in_place
-from renderer.build.refit import half_areas
-from renderer.build.tree import Bvh, Bytes, Ints
-from renderer.jit import jit
+from renderer.build.levels import first_slots, inner_levels, summed
+from renderer.build.merging import FEWER, SHARE, price
+from renderer.build.tree import Bvh, Bytes, Ints, half_areas
 
 Flags = npt.NDArray[np.bool_]
 
@@ -32,27 +31,26 @@ def pruned(tree: Bvh, width: int, triangle: float, spread: float) -> tuple[Bvh, 
     weight = half_areas(size + spread * np.sqrt(np.median(leaves) / 3.0))
     if weight[0] == 0.0:
         weight = np.ones_like(weight)
-    sizes, firsts = ranges(tree.child, tree.count)
-    _, choice = price(weight, tree.child, tree.count, sizes, width, MOST, 0.0, 1.0, triangle)
-    child, count = tree.child.copy(), tree.count.copy()
-    tested = _keep(choice, sizes, firsts, child, count)
-    return replace(tree, child=child, count=count), tested
+    levels = inner_levels(tree.child, tree.count)
+    sizes = summed(tree.count, tree.child, levels)
+    _, choice = price(weight, tree.child, sizes, levels, width, MOST, 0.0, 1.0, triangle)
+    tested, merged = _chosen(choice, tree.child, levels)
+    child = np.where(merged, first_slots(tree.child, levels), tree.child)
+    return replace(tree, child=child, count=np.where(merged, sizes, tree.count)), tested
 
 
-@jit
-def _keep(choice: Bytes, sizes: Ints, firsts: Ints, child: Ints, count: Ints) -> Flags:
-    """Which nodes are kept; `child` and `count` of merged leaves are set."""
-    kept, trees = np.zeros(len(child), np.bool_), np.zeros(len(child), np.int32)
+def _chosen(choice: Bytes, child: Ints, levels: list[Ints]) -> tuple[Flags, Flags]:
+    """Which nodes are kept, and which inner ones become leaves."""
+    trees, opened, merged = np.zeros(len(child), np.uint8), np.zeros(len(child), bool), np.zeros(len(child), bool)
     trees[0] = 1
-    for node in range(len(child)):
-        if trees[node] == 0:
-            continue
-        left, right = shares_in_place(choice, node, trees[node])
-        kept[node] = left == 0
-        if kept[node] and choice[node, 0] == 0:
-            child[node], count[node] = firsts[node], sizes[node]
-            continue
-        if kept[node]:
-            left, right = shares(choice, node)
-        trees[child[node]], trees[child[node] + 1] = left, right
-    return kept
+    for level in levels:
+        inner = level[trees[level] > 0]
+        most = trees[inner]
+        for j in range(choice.shape[1] - 1, 0, -1):
+            most -= (most == j + 1) & (choice[inner, j] >= FEWER)
+        total = np.where(most > 1, most, choice[inner, 0])
+        opened[inner], merged[inner] = most > 1, total == 0
+        inner, total = inner[total > 0], total[total > 0]
+        left = choice[inner, total - 1] & SHARE
+        trees[child[inner]], trees[child[inner] + 1] = left, total - left
+    return (trees > 0) & ~opened, merged

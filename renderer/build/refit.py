@@ -9,7 +9,6 @@ from renderer.build.tree import Floats, Ints
 from renderer.jit import jit
 
 Flags = npt.NDArray[np.bool_]
-Doubles = npt.NDArray[np.float64]
 
 
 def fit_boxes(boxes: Floats, child: Ints, count: Ints, order: Ints) -> tuple[Floats, Floats]:
@@ -57,13 +56,6 @@ def sah_cost(lower: Floats, upper: Floats, is_leaf: Flags, count: Ints, traversa
         ratio = half_area(lower, upper, node) / root if root > 0.0 else 1.0
         total += ratio * (intersection * count[node] if is_leaf[node] else traversal)
     return total
-
-
-def half_areas(size: Doubles) -> Doubles:
-    """Half the surface of boxes of these sizes, (n, 3), to the bits of `half_area`."""
-    x, y, z = size.T
-    areas: Doubles = x * y + z * (x + y)
-    return areas
 
 
 @jit

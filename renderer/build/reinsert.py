@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from renderer.build.loose import Loose, adopt, copied, copy_node, fit_upward, sibling_of, union_area
 from renderer.build.parallel import each
-from renderer.build.refit import half_areas
-from renderer.build.tree import Floats, Ints
+from renderer.build.tree import Floats, Ints, half_areas
 from renderer.jit import jit
 
 Doubles = npt.NDArray[np.float64]

@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.build.loose import Loose, adopt, copied, copy_node, fit_upward, sibling_of, union_area
-from renderer.build.refit import half_areas
-from renderer.build.tree import Floats, Ints
+from renderer.build.tree import Floats, Ints, half_areas
 from renderer.jit import jit
 
 Doubles = npt.NDArray[np.float64]

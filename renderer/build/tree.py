@@ -11,6 +11,7 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int32]
 Bytes = npt.NDArray[np.uint8]
+Doubles = npt.NDArray[np.float64]
 
 Builder = Literal["sah", "binned", "median", "reinserted", "sbvh", "sbvh-reinserted", "clipped"]
 """How a tree is built: a KD-tree by `sah` or `clipped`, a BVH by all but `clipped`."""
@@ -111,3 +112,10 @@ class WideBvh:
 
 
 Tree = Bvh | Kd
+
+
+def half_areas(size: Doubles) -> Doubles:
+    """Half the surface of boxes of these sizes, (n, 3), to the bits of `renderer.build.refit.half_area`."""
+    x, y, z = size.T
+    areas: Doubles = x * y + z * (x + y)
+    return areas

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.build.grow import resized_rows
-from renderer.build.merging import MAX_WIDTH, price, ranges, shares, shares_in_place
-from renderer.build.refit import half_areas
-from renderer.build.tree import EMPTY, MAX_BVH_LEAF, Bvh, Bytes, Ints, SahCosts, WideBvh
+from renderer.build.levels import first_slots, inner_levels, summed
+from renderer.build.merging import FEWER, MAX_WIDTH, SHARE, price
+from renderer.build.tree import EMPTY, MAX_BVH_LEAF, Bvh, Bytes, Ints, SahCosts, WideBvh, half_areas
 from renderer.jit import jit
 
 
@@ -19,12 +19,11 @@ def collapse(tree: Bvh, costs: SahCosts, width: int = 4, max_leaf: int = MAX_BVH
     """
     if not 2 <= width <= MAX_WIDTH:
         raise ValueError(f"A wide BVH of {width} children a node cannot be made; take a width of 2 to {MAX_WIDTH}.")
-    sizes, firsts = ranges(tree.child, tree.count)
+    levels = inner_levels(tree.child, tree.count)
+    sizes, firsts = summed(tree.count, tree.child, levels), first_slots(tree.child, levels)
     area = half_areas(tree.upper.astype(np.float64) - tree.lower)
     ratio = area / area[0] if area[0] > 0.0 else np.ones_like(area)
-    cost, choice = price(
-        ratio, tree.child, tree.count, sizes, width, max_leaf, costs.traversal, 0.0, costs.intersection
-    )
+    cost, choice = price(ratio, tree.child, sizes, levels, width, max_leaf, costs.traversal, 0.0, costs.intersection)
     source, child, count, order = _expand(choice, tree.child, tree.order, sizes, firsts, width)
     depth, waiting = _reach(child, count)
     empty = (count == EMPTY)[:, :, np.newaxis]
@@ -74,21 +73,30 @@ def _gather(choice: Bytes, child: Ints, root: int, waiting: Ints, trees: Ints, f
     if choice[root, 0] == 0:
         found[0] = root
         return 1
-    trees[1], trees[0] = shares(choice, root)
+    trees[1], trees[0] = _shares(choice, root, choice[root, 0])
     waiting[1], waiting[0] = child[root], child[root] + 1
     places, top = 0, 2
     while top > 0:
         top -= 1
         node = waiting[top]
-        left, right = shares_in_place(choice, node, trees[top])
-        if left == 0:
+        most = trees[top]
+        while most > 1 and choice[node, most - 1] & FEWER:
+            most -= 1
+        if most == 1:
             found[places] = node
             places += 1
             continue
-        waiting[top], trees[top] = child[node] + 1, right
-        waiting[top + 1], trees[top + 1] = child[node], left
+        trees[top + 1], trees[top] = _shares(choice, node, most)
+        waiting[top + 1], waiting[top] = child[node], child[node] + 1
         top += 2
     return places
+
+
+@jit
+def _shares(choice: Bytes, node: int, trees: int) -> tuple[int, int]:
+    """How many of so many trees for a node's children are its left and its right child's."""
+    left = choice[node, trees - 1] & SHARE
+    return left, trees - left
 
 
 @jit

@@ -2,89 +2,77 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.tree import Bvh
-from renderer.jit import jit
+from renderer.build.levels import inner_levels, summed
+from renderer.build.tree import Bvh, Ints
 
-Ints = npt.NDArray[np.int32]
-Bytes = npt.NDArray[np.uint8]
 Words = npt.NDArray[np.uint32]
 Flags = npt.NDArray[np.bool_]
 
 OCTANTS = 8
 
 
-def depth_first(tree: Bvh, tested: Flags, octant: int) -> tuple[Ints, Ints]:
-    """Each node's place among those that are `tested`, and the place that follows its subtree, (n,) int32 all.
+@dataclass(frozen=True, eq=False)
+class DepthFirst:
+    """A tree, which of its nodes are `tested` (n,), and what is the same in all their orders.
+
+    `levels` are the inner nodes, `sizes` (n,) how many nodes of each subtree are tested.
+    """
+
+    tree: Bvh
+    tested: Flags
+    levels: list[Ints]
+    sizes: Ints
+
+
+def depth_first(tree: Bvh, tested: Flags) -> DepthFirst:
+    """The tested nodes of a tree, to be put in order."""
+    levels = inner_levels(tree.child, tree.count)
+    return DepthFirst(tree, tested, levels, summed(tested.astype(np.int32), tree.child, levels))
+
+
+def places(nodes: DepthFirst, octant: int) -> Ints:
+    """Each node's place (n,) among those that are tested; its subtree's end at its place + its size.
 
     Bit k of `octant` says that rays run backward along axis k: children split along it are visited the right one first.
     What comes first in a node, and what follows a leaf, is at its place + 1; a node that is not tested has the place of
     what comes first in it.
     """
-    return _places(tree.child, tree.count, tree.axis, tested, octant)
+    tree, sizes = nodes.tree, nodes.sizes
+    place = np.zeros(len(sizes), np.int32)
+    for inner in nodes.levels:
+        left, inside = tree.child[inner], place[inner] + nodes.tested[inner]
+        backward = octant >> tree.axis[inner] & 1
+        place[left] = inside + backward * sizes[left + 1]
+        place[left + 1] = inside + (1 - backward) * sizes[left]
+    return place
 
 
 def lay_out(
-    rows: Words,
-    tree: Bvh,
-    tested: Flags,
-    octant: int,
-    faces: tuple[int, int],
-    skip: tuple[int, int],
-    base: int,
-    out: Words,
+    nodes: DepthFirst, rows: Words, octant: int, faces: tuple[int, int], skip: tuple[int, int], base: int, out: Words
 ) -> None:
-    """Put the rows (n, words) of tested nodes into `out`, in the order of `depth_first`, near faces for lower ones.
+    """Put the tested nodes' rows (m, words) into `out` (m + 1, words) by their places, near faces for lower ones.
 
     `faces` are the words where lower and upper faces begin, one and the same where they are a word's low and high
     halves. `skip` is the word of an inner node, and its first bit there, that gets the place behind its subtree,
     counted from `base`.
     """
-    place, after = depth_first(tree, tested, octant)
-    _lay_out(rows, tree.count, tested, place, after, octant, faces, skip, base, out)
-
-
-@jit
-def _lay_out(
-    rows: Words,
-    count: Ints,
-    tested: Flags,
-    place: Ints,
-    after: Ints,
-    octant: int,
-    faces: tuple[int, int],
-    skip: tuple[int, int],
-    base: int,
-    out: Words,
-) -> None:
-    half = np.uint32(16)
-    for node in range(len(rows)):
-        if not tested[node]:
-            continue
-        row = out[place[node]]
-        row[:] = rows[node]
-        for axis in range(3):
-            low, high = faces[0] + axis, faces[1] + axis
-            if octant >> axis & 1 and low == high:
-                row[low] = row[low] << half | row[low] >> half
-            elif octant >> axis & 1:
-                row[low], row[high] = row[high], row[low]
-        if count[node] == 0:
-            row[skip[0]] |= np.uint32(base + after[node]) << np.uint32(skip[1])
-
-
-@jit
-def _places(child: Ints, count: Ints, axis: Bytes, tested: Flags, octant: int) -> tuple[Ints, Ints]:
-    size, place = tested.astype(np.int32), np.zeros(len(child), np.int32)
-    for node in range(len(child) - 1, -1, -1):
-        if count[node] == 0:
-            size[node] += size[child[node]] + size[child[node] + 1]
-    for node in range(len(child)):
-        if count[node] == 0:
-            right_first = (octant >> axis[node]) & 1
-            near, far = child[node] + right_first, child[node] + 1 - right_first
-            place[near] = place[node] + tested[node]
-            place[far] = place[near] + size[near]
-    return place, place + size
+    place, half = places(nodes, octant), np.uint32(16)
+    order = np.empty(len(rows), np.int32)
+    order[place[nodes.tested]] = np.arange(len(rows), dtype=np.int32)
+    # Unlike an assignment by index this runs without Python's lock.
+    np.take(rows, order, axis=0, out=out[:-1], mode="clip")
+    for axis in range(3):
+        low, high = faces[0] + axis, faces[1] + axis
+        if octant >> axis & 1 and low == high:
+            out[:, low] = out[:, low] << half | out[:, low] >> half
+        elif octant >> axis & 1:
+            lower = out[:, low].copy()
+            out[:, low], out[:, high] = out[:, high], lower
+    inner = np.flatnonzero(nodes.tested & (nodes.tree.count == 0))
+    behind = (base + place[inner] + nodes.sizes[inner]).astype(np.uint32)
+    out[place[inner], skip[0]] |= behind << np.uint32(skip[1])

@@ -9,7 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.build.parallel import blocks, each
+from renderer.build.pruned import pruned
 from renderer.build.tree import KD_LEAF, Bvh, Kd, Tree, WideBvh
+from renderer.pack.depth_first import OCTANTS, depth_first, lay_out
 from renderer.pack.grid import Grid, grid_over
 from renderer.pack.primitives import unsigned_zeros
 from renderer.pack.quads import child_values, framed_values
@@ -109,26 +111,23 @@ def _box_words(values: Values, layout: NodeLayout, lower: Face, upper: Face) -> 
 
 def _pack_depth_first(tree: Bvh, layout: NodeLayout) -> PackedNodes:
     """The nodes in one order, or in an order for each octant, as NodeLayout says."""
-    # The other layouts need no compiler.
-    from renderer.build.pruned import pruned
-    from renderer.pack.depth_first import OCTANTS, lay_out
-
     assert layout.pruning is not None
     tree, tested = pruned(tree, **vars(layout.pruning))
-    values = _values(tree)
+    values = _values(tree, tested)
     leaf = values["axis"] == LEAF
+    nodes = len(leaf)
     grid = _box_words(values, layout, tree.lower[0], tree.upper[0])
-    rows = np.zeros((len(leaf), layout.words), np.uint32)
+    rows = np.zeros((nodes, layout.words), np.uint32)
     unlinked = replace(layout, fields=tuple(field for field in layout.fields if field.name != "skip"))
-    _store_all(rows, rows[:, 0], np.arange(len(leaf)), unlinked, values, leaf)
-    nodes = int(np.count_nonzero(tested))
+    _store_all(rows, rows[:, 0], np.arange(nodes), unlinked, values, leaf)
     copies = OCTANTS if layout.order == "octants" else 1
     words = np.zeros((copies * (nodes + 1) + 1, layout.words), np.uint32)
     faces, skip = _face_words(layout), layout.named("skip")
     _require_room(skip, 0, len(words) - 2)
+    found = depth_first(tree, tested)
     each(
         [
-            partial(lay_out, rows, tree, tested, octant, faces, (skip.word, skip.shift), octant * (nodes + 1), copy)
+            partial(lay_out, found, rows, octant, faces, (skip.word, skip.shift), octant * (nodes + 1), copy)
             for octant, copy in enumerate(words[:-1].reshape(copies, nodes + 1, layout.words))
         ]
     )
@@ -164,23 +163,24 @@ def _halves(*faces: npt.NDArray[np.generic]) -> Words:
     return words
 
 
-def _values(tree: Tree) -> Values:
-    """Every field of every node, children and parents counted with the unused node 1."""
+def _values(tree: Tree, of: slice | Flags = slice(None)) -> Values:
+    """Every field of every node, or of those chosen by `of`; children and parents counted with the unused node 1."""
     leaf = tree.count > 0 if isinstance(tree, Bvh) else tree.axis == KD_LEAF
     axis = np.where(leaf, LEAF, tree.axis + 1).astype(np.int64)
-    parent = np.maximum(tree.parent, 0).astype(np.int64)
+    child, above = tree.child[of].astype(np.int64), tree.parent[of]
+    parent = np.maximum(above, 0).astype(np.int64)
     values: Values = {
-        "lower": tree.lower,
-        "upper": tree.upper,
-        "axis": axis,
-        "child": tree.child.astype(np.int64) + 1,
-        "first": tree.child.astype(np.int64),
-        "count": tree.count.astype(np.int64),
+        "lower": tree.lower[of],
+        "upper": tree.upper[of],
+        "axis": axis[of],
+        "child": child + 1,
+        "first": child,
+        "count": tree.count[of].astype(np.int64),
         "parent": parent + (parent > 0),
-        "parent_axis": np.where(tree.parent >= 0, axis[parent], 0),
+        "parent_axis": np.where(above >= 0, axis[parent], 0),
     }
     if isinstance(tree, Kd):
-        values["split"] = tree.split
+        values["split"] = tree.split[of]
     return values
 
 

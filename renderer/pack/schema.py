@@ -136,7 +136,7 @@ def _framed() -> NodeLayout:
 
 # As llvmpipe was fastest (docs/figures.md). A single ray's step tests the next node too: entered boxes make use of it.
 _ALONE = Pruning(width=2, triangle=1.0, spread=1.0)
-_TOGETHER = Pruning(width=8, triangle=2.0, spread=2.0)
+_TOGETHER = Pruning(width=4, triangle=2.0, spread=2.0)
 
 NODE_LAYOUTS: dict[str, dict[str, NodeLayout]] = {
     "box": _boxes(),

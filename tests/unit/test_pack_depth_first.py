@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -9,7 +14,7 @@ import pytest
 from renderer.build.bvh import build_bvh
 from renderer.build.pruned import pruned
 from renderer.build.tree import Bvh, SahCosts
-from renderer.pack.depth_first import depth_first
+from renderer.pack.depth_first import depth_first, places
 from renderer.pack.nodes import pack_nodes
 from renderer.pack.schema import NODE_LAYOUTS
 
@@ -50,12 +55,12 @@ def recursion(made: Bvh, tested: Flags, octant: int, node: int = 0) -> list[int]
 @pytest.mark.parametrize("count", [1, 2, 3, 200])
 def test_places_follow_the_recursion(count: int, octant: int, name: str) -> None:
     made, tested, _ = walked(name, count)
-    place, after = depth_first(made, tested, octant)
+    place, size = places(depth_first(made, tested), octant), depth_first(made, tested).sizes
     order = recursion(made, tested, octant)
     assert sorted(order) == list(np.flatnonzero(tested))
     np.testing.assert_array_equal(place[order], np.arange(len(order)))
     for node in order:
-        assert after[node] - place[node] == len(recursion(made, tested, octant, node))
+        assert size[node] == len(recursion(made, tested, octant, node))
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -90,12 +95,26 @@ def test_a_walk_that_misses_skips_the_subtree(name: str) -> None:
     made, tested, _ = walked(name)
     words = pack_nodes(tree(200), name).words.reshape(-1, 8)
     stride = tested.sum() + 1
+    nodes, inner = depth_first(made, tested), tested & (made.count == 0)
     for octant in range(8):
-        place, after = depth_first(made, tested, octant)
-        inner = tested & (made.count == 0)
-        links = words[octant * stride + place[inner], 3]
-        np.testing.assert_array_equal(links >> SKIP, after[inner] + octant * stride)
+        place = places(nodes, octant)[inner]
+        links = words[octant * stride + place, 3]
+        np.testing.assert_array_equal(links >> SKIP, place + nodes.sizes[inner] + octant * stride)
         assert (links & 3 > 0).all()
+
+
+def test_packing_loads_no_compiler(tmp_path: Path) -> None:
+    """To load it takes half a second of a variant's first job."""
+    made = tree(50)
+    with (tmp_path / "tree").open("wb") as file:
+        pickle.dump(made, file)
+    code = (
+        "import pickle, sys\nfrom renderer.pack.nodes import pack_nodes\n"
+        f"tree = pickle.load(open(sys.argv[1], 'rb'))\nfor name in {LAYOUTS}: pack_nodes(tree, name)\n"
+        "print('numba' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, tmp_path / "tree"], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
 
 
 @pytest.mark.parametrize("node_format", ["f32", "grid16", "half"])
@@ -105,9 +124,10 @@ def test_near_faces_stand_first(node_format: str) -> None:
     words = 8 if node_format == "f32" else 4
     one = pack_nodes(tree(200), "skip", node_format).words.reshape(-1, words)
     all_ = pack_nodes(tree(200), "skip-octants", node_format).words[:-words].reshape(8, -1, words)
+    nodes = depth_first(made, tested)
+    plain = one[places(nodes, 0)[tested]]
     for octant in range(8):
-        seen = all_[octant, depth_first(made, tested, octant)[0][tested]]
-        plain = one[depth_first(made, tested, 0)[0][tested]]
+        seen = all_[octant, places(nodes, octant)[tested]]
         for axis in range(3):
             backward = octant >> axis & 1
             if node_format == "f32":
