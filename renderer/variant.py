@@ -149,8 +149,6 @@ def refusal(variant: Variant, rays: str = "both") -> str | None:
         return "hybrid knows a depth and not the triangle that bounds its error: leave the offset at constant."
     if structure == "kd" and variant.builder not in KD_BUILDERS:
         return f"{variant.builder} is a BVH builder: a KD-tree is built with sah or clipped."
-    if structure == "bvh" and variant.builder == "clipped":
-        return "clipped is a KD builder: take sbvh for a BVH with spatial splits."
     if structure == "none" and variant.builder != "sah":
         return "brute-force has no structure to build: leave the builder at sah."
     if structure == "none" and variant.box != "widened":

@@ -14,7 +14,7 @@ from renderer.build.progress import Told, sentences, untold
 from renderer.build.tree import Builder, Floats, SahCosts, Tree
 
 BUILDERS: dict[Kind, tuple[Builder, ...]] = {
-    "bvh": tuple(builder for builder in get_args(Builder) if builder != "clipped"),
+    "bvh": get_args(Builder),
     "kd": ("sah", "clipped"),
 }
 

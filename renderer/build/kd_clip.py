@@ -56,6 +56,13 @@ def clipped_box(shapes: Shapes, one: int, lower: Floats, upper: Floats, work: Do
 
     `work` (2, CORNERS, 3) is scratch.
     """
+    there = part_box(shapes, one, lower, upper, work, box)
+    return there and box[0] < box[3] and box[1] < box[4] and box[2] < box[5]
+
+
+@jit
+def part_box(shapes: Shapes, one: int, lower: Floats, upper: Floats, work: Doubles, box: Floats) -> bool:
+    """The same where a flat part counts too; `box` may be what `lower` and `upper` are views of."""
     corners, at = 3, 0
     for i in range(3):
         for k in range(3):
@@ -78,8 +85,6 @@ def clipped_box(shapes: Shapes, one: int, lower: Floats, upper: Floats, work: Do
             low, high = min(low, work[at, i, k]), max(high, work[at, i, k])
         box[k] = max(max(np.float32(low - shapes.margin), shapes.boxes[one, 0, k]), lower[k])
         box[k + 3] = min(min(np.float32(high + shapes.margin), shapes.boxes[one, 1, k]), upper[k])
-        if not box[k] < box[k + 3]:
-            return False
     return True
 
 

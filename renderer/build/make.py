@@ -39,7 +39,7 @@ def build_uncached(triangles: Floats, kind: Kind, builder: Builder, costs: SahCo
         return build_kd(room, costs, shapes=shapes_of(triangles, room) if builder == "clipped" else None, told=told)
     if builder == "sah" or builder == "binned" or builder == "median":
         return build_bvh(boxes, costs, builder, told=told)
-    return build_refined(boxes, costs, REFINEMENTS[builder], told=told)
+    return build_refined(boxes, costs, REFINEMENTS[builder], told=told, triangles=triangles)
 
 
 @lru_cache

@@ -14,7 +14,7 @@ Bytes = npt.NDArray[np.uint8]
 Doubles = npt.NDArray[np.float64]
 
 Builder = Literal["sah", "binned", "median", "reinserted", "sbvh", "sbvh-reinserted", "clipped"]
-"""How a tree is built: a KD-tree by `sah` or `clipped`, a BVH by all but `clipped`."""
+"""How a tree is built: a BVH by any of them, a KD-tree by `sah` or `clipped`."""
 
 MAX_BVH_LEAF = 63
 """The most triangles a BVH leaf may hold; node layouts give the count six bits."""

@@ -83,6 +83,7 @@ PINNED: dict[Kind, tuple[int, dict[str, str]]] = {
             "reinserted": "56d67b5eba4a",
             "sbvh": "a672d678cd38",
             "sbvh-reinserted": "f82e0648c2b0",
+            "clipped": "efa23881cd7b",
         },
     ),
     "kd": (5, {"sah": "3d4de858cb6e", "clipped": "38dc28341f78"}),
