@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.build.bvh import build_bvh
-from renderer.build.kd_clip import shapes_of
+from renderer.build.kd_clip import Shapes, shapes_of
 from renderer.build.loose import Loose, loosened, reach_of, settled
 from renderer.build.optimise import LONG, SHORT, Round, optimised, single
 from renderer.build.parted import parted
@@ -62,18 +62,13 @@ def build_refined(
         raise ValueError("A tree needs at least one triangle; give a scene that has some.")
     deepest, work = min(max_depth, MAX_DEPTH), 1 + len(how.rounds) + 3 * len(how.cuts)
     first, last = 1.0 / work, (1.0 + len(how.rounds)) / work
-    told_first = within(told, 0.0, first)
-    loose, refs = (
-        _split(boxes, deepest, how.split, told_first) if how.split > 0.0 else _swept(boxes, deepest, told_first)
-    )
+    begun = within(told, 0.0, first)
+    loose, refs = _split(boxes, deepest, how.split, begun) if how.split > 0.0 else _swept(boxes, deepest, begun)
     loose = optimised(loose, how.rounds, costs, deepest, within(told, first, last))
-    for number, rounds in enumerate(how.cuts):
+    if how.cuts:
         assert triangles is not None
-        cut, parts = parted(loose, refs, shapes_of(triangles, boxes), costs)
-        if reach_of(cut) <= deepest:
-            loose, refs = cut, parts
-        loose = optimised(loose, rounds, costs, deepest, untold)
-        told(last + (1.0 - last) * (number + 1) / len(how.cuts))
+        shapes = shapes_of(triangles, boxes)
+        loose, refs = _cut(loose, refs, shapes, how.cuts, costs, deepest, within(told, last, 1.0))
     return settled(loose, refs.triangle, refs.box.reshape(-1, 2, 3), costs)
 
 
@@ -85,3 +80,21 @@ def _split(boxes: Floats, max_depth: int, worth: float, told: Told) -> tuple[Loo
 def _swept(boxes: Floats, max_depth: int, told: Told) -> tuple[Loose, References]:
     tree = build_bvh(boxes, SINGLES, max_depth=max_depth, told=told)
     return loosened(tree), References(boxes.reshape(-1, 6)[tree.order], tree.order)
+
+
+def _cut(
+    tree: Loose,
+    refs: References,
+    shapes: Shapes,
+    cuts: Sequence[Sequence[Round]],
+    costs: SahCosts,
+    max_depth: int,
+    told: Told,
+) -> tuple[Loose, References]:
+    for number, rounds in enumerate(cuts):
+        after, parts = parted(tree, refs, shapes, costs)
+        if reach_of(after) <= max_depth:
+            tree, refs = after, parts
+        tree = optimised(tree, rounds, costs, max_depth, untold)
+        told((number + 1) / len(cuts))
+    return tree, refs

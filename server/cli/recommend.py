@@ -58,9 +58,9 @@ def recommend(
 ) -> None:
     """Name the fastest variant for SCENE on a device, within an error budget and a memory budget.
 
-    A pilot with small images drops what is clearly slower, half of the field at a time; the last few are measured side
-    by side at the full size. Axes take a value, a comma list, paper or all. The exit code is 1 when nothing that was
-    considered runs within the budgets.
+    A pilot with small images drops what is clearly slower and leaves about a third of the field each time; the last few
+    are measured side by side at the full size. Axes take a value, a comma list, paper or all. The exit code is 1 when
+    nothing that was considered runs within the budgets.
     """
     from renderer.recommend.query import read_bytes
     from renderer.request import parse_size
