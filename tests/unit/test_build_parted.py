@@ -17,8 +17,6 @@ from renderer.build.progress import untold
 from renderer.build.refined import REFINEMENTS, build_refined
 from renderer.build.sbvh import References, split_down
 from renderer.build.tree import Bvh, SahCosts, half_areas
-from renderer.judge import referee
-from renderer.records import Rays
 from scenes.load import load
 from scenes.places import find_named
 
@@ -124,20 +122,6 @@ def test_flat_boxes_are_cut_too() -> None:
     tree = build_refined(bounds(triangles), COSTS, REFINEMENTS["clipped"], triangles=triangles)
     assert np.isin(tree.order, (0, 1)).sum() > 2
     check_cover(tree, triangles, 7)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_referee_finds_the_same_hits_in_it(seed: int) -> None:
-    triangles = slanted(400, seed)
-    rng = np.random.default_rng(seed)
-    target = rng.random((500, 3))
-    origin = (target + rng.normal(size=(500, 3))).astype(np.float32)
-    rays = Rays(origin, (target - origin).astype(np.float32), np.full(500, np.inf, np.float32))
-    tree = build_refined(bounds(triangles), COSTS, REFINEMENTS["clipped"], triangles=triangles)
-    assert len(tree.order) > len(triangles)
-    alone, walked = referee.closest(triangles, rays), referee.closest(triangles, rays, tree)
-    np.testing.assert_array_equal(alone.primitive, walked.primitive)
-    np.testing.assert_array_equal(alone.t, walked.t)
 
 
 # SAH costs with (1, 1) that peers reach with spatial splits and an optimiser are 59.1 and 29.6.

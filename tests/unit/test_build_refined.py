@@ -152,15 +152,16 @@ def test_a_round_lowers_the_cost_of_a_poor_tree(seed: int, work: Callable[[Loose
     assert cost(poor) == before  # rounds work on copies
 
 
+@pytest.mark.parametrize("how", [OFTEN, REFINEMENTS["clipped"]], ids=["often", "clipped"])
 @pytest.mark.parametrize("seed", range(3))
-def test_the_referee_finds_the_same_hits_in_it(seed: int) -> None:
+def test_the_referee_finds_the_same_hits_in_it(seed: int, how: Refinement) -> None:
     rng = np.random.default_rng(seed)
     corners = rng.random((400, 1, 3)) + rng.choice([0.05, 0.6], (400, 1, 1)) * (rng.random((400, 3, 3)) - 0.5)
     triangles = corners.astype(np.float32)
     target = rng.random((500, 3))
     origin = (target + rng.normal(size=(500, 3))).astype(np.float32)
     rays = Rays(origin, (target - origin).astype(np.float32), np.full(500, np.inf, np.float32))
-    tree = build_refined(bounds(triangles), COSTS, OFTEN)
+    tree = build_refined(bounds(triangles), COSTS, how, triangles=triangles)
     assert len(tree.order) > len(triangles)
     alone, walked = referee.closest(triangles, rays), referee.closest(triangles, rays, tree)
     np.testing.assert_array_equal(alone.primitive, walked.primitive)
