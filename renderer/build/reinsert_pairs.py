@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from renderer.build.loose import Loose, adopt, copied, copy_node, fit_upward, sibling_of, union_area
+from renderer.build.insertion import ROOM, best_place, put_in, take_out
+from renderer.build.loose import Loose, copied, union_area
 from renderer.build.tree import Floats, Ints, half_areas
 from renderer.jit import jit
 
@@ -38,7 +39,7 @@ def _worst(tree: Loose, share: float) -> Ints:
 
 @jit
 def _scatter_all(box: Floats, child: Ints, count: Ints, parent: Ints, nodes: Ints) -> None:
-    stack, induced = np.empty(512, np.int32), np.empty(512, np.float64)
+    stack, induced = np.empty(ROOM, np.int32), np.empty(ROOM, np.float64)
     out = np.empty((2, 6), np.float32)
     for node in nodes:
         # An earlier move may have put a leaf or a child of the root there.
@@ -51,75 +52,14 @@ def _scatter(
     box: Floats, child: Ints, count: Ints, parent: Ints, node: int, out: Floats, stack: Ints, induced: Doubles
 ) -> None:
     """Takes `node` out and puts its children in, the larger one first; two pairs of places become free and are used."""
-    up, side, below = parent[node], sibling_of(child, parent, node), child[node]
+    below = child[node]
     first = below if union_area(box, below, below) >= union_area(box, below + 1, below + 1) else below + 1
     second = 2 * below + 1 - first
     for k in range(6):
         out[0, k], out[1, k] = box[first, k], box[second, k]
     links = (child[first], count[first], child[second], count[second])
-    pair = min(node, side)
-    copy_node(box, child, count, side, up)
-    adopt(child, count, parent, up)
-    fit_upward(box, child, parent, parent[up])
-    _put_in(box, child, count, parent, pair, out[:1], links[0], links[1], stack, induced)
-    _put_in(box, child, count, parent, below, out[1:], links[2], links[3], stack, induced)
-
-
-@jit
-def _put_in(
-    box: Floats,
-    child: Ints,
-    count: Ints,
-    parent: Ints,
-    pair: int,
-    own: Floats,
-    link: int,
-    size: int,
-    stack: Ints,
-    induced: Doubles,
-) -> None:
-    """Puts a subtree with the box `own` (1, 6) at its best place; the places `pair` and `pair` + 1 are free for it."""
-    there = _best_place(box, child, count, own, stack, induced)
-    for k in range(6):
-        box[pair, k] = own[0, k]
-    child[pair], count[pair] = link, size
-    adopt(child, count, parent, pair)
-    copy_node(box, child, count, there, pair + 1)
-    adopt(child, count, parent, pair + 1)
-    child[there], count[there] = pair, 0
-    parent[pair], parent[pair + 1] = there, there
-    fit_upward(box, child, parent, there)
-
-
-@jit
-def _best_place(box: Floats, child: Ints, count: Ints, own: Floats, stack: Ints, induced: Doubles) -> int:
-    """The node beside which `own` adds least area, from the root down, the child that grows less first."""
-    alone = _area_with(own, 0, own)
-    best, to = np.inf, child[0]
-    stack[0], induced[0], top = 0, 0.0, 1
-    while top > 0:
-        top -= 1
-        node, before = stack[top], induced[top]
-        if before + alone >= best:
-            continue
-        cost = before + _area_with(box, node, own)
-        if cost < best and node != 0:
-            best, to = cost, node
-        below = cost - union_area(box, node, node)
-        if count[node] > 0 or below + alone >= best or top + 2 > len(stack):
-            continue
-        left = child[node]
-        grown = _area_with(box, left, own) - union_area(box, left, left)
-        near = left if grown <= _area_with(box, left + 1, own) - union_area(box, left + 1, left + 1) else left + 1
-        stack[top], stack[top + 1] = 2 * left + 1 - near, near
-        induced[top], induced[top + 1] = below, below
-        top += 2
-    return int(to)
-
-
-@jit
-def _area_with(box: Floats, node: int, own: Floats) -> float:
-    x = np.float64(max(box[node, 3], own[0, 3])) - np.float64(min(box[node, 0], own[0, 0]))
-    y = np.float64(max(box[node, 4], own[0, 4])) - np.float64(min(box[node, 1], own[0, 1]))
-    z = np.float64(max(box[node, 5], own[0, 5])) - np.float64(min(box[node, 2], own[0, 2]))
-    return x * y + z * (x + y)
+    pair = take_out(box, child, count, parent, node)
+    there, _ = best_place(box, child, count, out[:1], np.inf, stack, induced)
+    put_in(box, child, count, parent, pair, pair + 1, out[:1], links[0], links[1], there)
+    there, _ = best_place(box, child, count, out[1:], np.inf, stack, induced)
+    put_in(box, child, count, parent, below, below + 1, out[1:], links[2], links[3], there)
