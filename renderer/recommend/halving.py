@@ -27,8 +27,6 @@ PILOT_SHARE = 1 / 16
 MOST_SHARE = 1 / 4
 LEAST_PIXELS = 128 * 128
 PILOT_ROUNDS = 3
-EARLY_ROUNDS = 2
-"""After so many rounds of a rung, who is clearly FAR slower is spared the rest: the slowest take most of the time."""
 FINALISTS = 3
 ROUNDS = 8
 """Rounds of the confirmation: enough for an interval of two comparisons that hold together with 95 % confidence."""
@@ -36,10 +34,13 @@ ROUNDS = 8
 MARGIN = 0.10
 """Small images rank variants a little otherwise: who is behind the first third is clearly slower past this."""
 FAR = 0.5
-"""Clearly slower by more than this goes from the first third, too."""
+"""Clearly slower by more than this goes from the first third, too, and before a rung's last round: what is far slower
+takes most of the time."""
 TIE = NEGLIGIBLE / 2
 """Of those that cannot be told apart from the fastest and are estimated within this, the smallest is picked."""
 LEAST_NOISE = 0.005
+SUPPOSED_NOISE = 0.2
+"""What a single round, which cannot tell its noise, is taken to have: what goes after it is 3.4 times as slow."""
 _Z = NormalDist().inv_cdf(0.99)
 _Z_SHOWN = NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
 _MEDIAN_TO_MEAN = 1.2533
@@ -176,17 +177,20 @@ class _Search:
     ) -> tuple[list[str], dict[str, Eliminated], dict[str, list[float]]]:
         """Who is left after one rung, the fastest first, how each of them stood, and all times at this size."""
         self.tell(f"{len(before)} variants at {size[0]}x{size[1]}")
-        times = self._rounds(before, size, EARLY_ROUNDS)
-        near, _ = self._sift(times, size, len(times))
-        third = max(FINALISTS, math.ceil(len(times) / 3))
-        times = self._rounds({label: times[label] for label in near}, size, PILOT_ROUNDS - EARLY_ROUNDS)
-        kept, standing = self._sift(times, size, third)
+        third = max(FINALISTS, math.ceil(len(before) / 3))
+        times = dict(before)
+        for left in reversed(range(PILOT_ROUNDS)):
+            times = self._round(times, size)
+            standing = Standing(times)
+            if left and not standing.is_any_slower(FAR):
+                continue
+            kept = self._sift(standing, size, len(times) if left else third)
+            times = {label: times[label] for label in kept}
         self.verdict.rungs.append(Rung(size, len(before), len(kept), PILOT_ROUNDS))
         return kept, {label: standing.against(label, kept[0], size) for label in kept}, times
 
-    def _sift(self, times: Mapping[str, list[float]], size: Size, faster: int) -> tuple[list[str], Standing]:
+    def _sift(self, standing: Standing, size: Size, faster: int) -> list[str]:
         """Who is not clearly slower than the fastest that keeps the error budget, by FAR among the first `faster`."""
-        standing = Standing(times)
         kept: list[str] = []
         for label in standing.order:
             margin = MARGIN if len(kept) >= faster else FAR
@@ -194,20 +198,19 @@ class _Search:
                 self.verdict.eliminated.append(standing.against(label, kept[0], size))
             elif kept or self._passes(label, size):
                 kept.append(label)
-        return kept, standing
+        return kept
 
-    def _rounds(self, before: Mapping[str, list[float]], size: Size, count: int) -> dict[str, list[float]]:
-        """The times `before` and of `count` rounds more, of those that ran in every round."""
+    def _round(self, before: Mapping[str, list[float]], size: Size) -> dict[str, list[float]]:
+        """The times `before` and of one round more, of those that ran in every round."""
         times = {label: list(own) for label, own in before.items()}
-        for _ in range(count):
-            order = list(times)
-            self.chance.shuffle(order)
-            for label, outcome in self.measure(order, size).items():
-                if isinstance(outcome, str):
-                    self.verdict.failed[label] = outcome
-                    times.pop(label)
-                else:
-                    times[label].append(outcome)
+        order = list(times)
+        self.chance.shuffle(order)
+        for label, outcome in self.measure(order, size).items():
+            if isinstance(outcome, str):
+                self.verdict.failed[label] = outcome
+                times.pop(label)
+            else:
+                times[label].append(outcome)
         return times
 
     def _passes(self, label: str, size: Size) -> bool:
@@ -243,7 +246,9 @@ class _Search:
                 chosen.append(label)
                 judged[label] = outcome
         self.tell(f"{len(chosen)} variants at {self.terms.size[0]}x{self.terms.size[1]}")
-        times = self._rounds({label: [] for label in chosen}, self.terms.size, self.terms.rounds)
+        times: dict[str, list[float]] = {label: [] for label in chosen}
+        for _ in range(self.terms.rounds):
+            times = self._round(times, self.terms.size)
         if not times and waiting:
             self._confirm(waiting, standing)
             return
@@ -294,7 +299,7 @@ class Standing:
         self.level = {label: median(own) for label, own in self.steady.items()}
         self.order = sorted(self.level, key=self.level.__getitem__)
         free = self.rounds - 1
-        noise = 0.0
+        noise = SUPPOSED_NOISE
         if free > 0:
             # The median of a chi-squared variable, by Wilson and Hilferty's approximation.
             typical_variance = (1 - 2 / (9 * free)) ** 3
@@ -312,6 +317,10 @@ class Standing:
         shift, least = self.level[label] - self.level[leader], math.log1p(margin)
         pairs = zip(self.steady[label], self.steady[leader], strict=True)
         return shift - _Z * self.error > least and all(mine - theirs > least for mine, theirs in pairs)
+
+    def is_any_slower(self, margin: float) -> bool:
+        """Whether any is slower than the fastest of all."""
+        return any(self.is_slower(label, self.order[0], margin) for label in self.order)
 
     def against(self, label: str, leader: str, size: Size) -> Eliminated:
         """The ratio to the leader with its 95 % interval."""
