@@ -173,12 +173,12 @@ class _Search:
     # The pilot
 
     def _rung(
-        self, before: Mapping[str, list[float]], size: Size
+        self, times: dict[str, list[float]], size: Size
     ) -> tuple[list[str], dict[str, Eliminated], dict[str, list[float]]]:
-        """Who is left after one rung, the fastest first, how each of them stood, and all times at this size."""
-        self.tell(f"{len(before)} variants at {size[0]}x{size[1]}")
-        third = max(FINALISTS, math.ceil(len(before) / 3))
-        times = dict(before)
+        """Who is left after one rung, the fastest first, how each of them stood, and their times at this size."""
+        entered = len(times)
+        self.tell(f"{entered} variants at {size[0]}x{size[1]}")
+        third = max(FINALISTS, math.ceil(entered / 3))
         for left in reversed(range(PILOT_ROUNDS)):
             times = self._round(times, size)
             standing = Standing(times)
@@ -186,7 +186,7 @@ class _Search:
                 continue
             kept = self._sift(standing, size, len(times) if left else third)
             times = {label: times[label] for label in kept}
-        self.verdict.rungs.append(Rung(size, len(before), len(kept), PILOT_ROUNDS))
+        self.verdict.rungs.append(Rung(size, entered, len(kept), PILOT_ROUNDS))
         return kept, {label: standing.against(label, kept[0], size) for label in kept}, times
 
     def _sift(self, standing: Standing, size: Size, faster: int) -> list[str]:
