@@ -87,14 +87,10 @@ def _part_all(
             _cut(parts, shapes, triangle, axis, plane, work)
             leaves = weight * (row_area(parts, 1) + row_area(parts, 2))
             to, cost = best_place(box, child, size, parts[1:2], np.inf, stack, induced)
-            put_in(box, child, size, parent, pair + 1, pair, parts[1:2], slot, 1, to)
-            _note(child, size, home, pair)
-            _note(child, size, home, pair + 1)
+            _put_leaf(box, child, size, parent, home, pair, parts[1:2], slot, to)
             to, cost = best_place(box, child, size, parts[2:], limit - leaves - cost, stack, induced)
             if to >= 0:
-                put_in(box, child, size, parent, made + 1, made, parts[2:], filled, 1, to)
-                _note(child, size, home, made)
-                _note(child, size, home, made + 1)
+                _put_leaf(box, child, size, parent, home, made, parts[2:], filled, to)
                 held.triangle[filled] = triangle
                 for k in range(6):
                     held.box[slot, k], held.box[filled, k] = parts[1, k], parts[2, k]
@@ -104,10 +100,18 @@ def _part_all(
             pair = take_out(box, child, size, parent, home[slot])
             _note(child, size, home, up)
         to, _ = best_place(box, child, size, parts[:1], np.inf, stack, induced)
-        put_in(box, child, size, parent, pair + 1, pair, parts[:1], slot, 1, to)
-        _note(child, size, home, pair)
-        _note(child, size, home, pair + 1)
+        _put_leaf(box, child, size, parent, home, pair, parts[:1], slot, to)
     return made, filled
+
+
+@jit
+def _put_leaf(
+    box: Floats, child: Ints, size: Ints, parent: Ints, home: Ints, pair: int, own: Floats, slot: int, there: int
+) -> None:
+    """Puts a leaf of one slot beside `there`, into the free pair, and notes which leaves are there now."""
+    put_in(box, child, size, parent, pair + 1, pair, own, slot, 1, there)
+    _note(child, size, home, pair)
+    _note(child, size, home, pair + 1)
 
 
 @jit
